@@ -16,7 +16,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.check import page as check
 from validation.core.foreign import ForeignPath
-from validation.core.quantities import design_row_texts, unit_scale
+from validation.core.quantities import design_row_texts, factor_and_prefixed_unit
 from validation.page import page
 from validation.page.answer.stored import read_stored_check
 from validation.page.plot import PURPLE
@@ -123,7 +123,7 @@ def test_no_solver_is_loaded(stored):
                                                  (0.0047, "m", (1e3, "mm")), (37.7, "m", (1.0, "m")),
                                                  (7.4e6, "J", (1e-6, "MJ")), (0.0, "J", (1.0, "J"))])  # fmt: skip
 def test_units_suit_their_numbers(x, unit, told):
-    assert unit_scale(np.array([x]), unit) == told
+    assert factor_and_prefixed_unit(np.array([x]), unit) == told
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from cablefem.response import Array
 
 SAFETY = 1.25  # for three grids (Roache 1998, Verification and Validation, section 5)
 MIN_ORDER = 0.5  # smallest order credited (Eca & Hoekstra 2014, J. Comput. Phys. 262): so a bar of at most 3 d
@@ -12,33 +15,34 @@ LARGEST = 12.0  # order that is observed: a smaller change is one of rounding
 FIRST = 1.0  # largest order credited to forces and to velocities, which jump at fronts
 
 
-def error_bar(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
-    """The bar F d / (r^p - 1) of a finest run, value by value.
+def error_bar(change: ArrayLike, change_before: ArrayLike, ratios: Sequence[float], max_order: float) -> Any:
+    """The bar F d / (r^p - 1) of a finest run, value by value: an array, or a float for a float.
 
-    d : change from half to finest;  before : from quarter to half, 0 if unknown.
-    ratios : finest over half, half over quarter;  order : the most credited.
+    change : d, from half to finest;  change_before : from quarter to half, 0 if unknown.
+    ratios : finest over half, half over quarter;  max_order : the most credited.
 
     p solves before/d = r^p (r'^p - 1)/(r^p - 1) (Celik et al. 2008, J. Fluids Eng. 130, 078001).  A change below the
     nominal fall is raised to it, unless the quarter is too far off.
     """
-    d = np.abs(np.asarray(d, float))
-    before = np.abs(np.asarray(before, float))
+    d = np.abs(np.asarray(change, float))
+    before = np.abs(np.asarray(change_before, float))
     r = ratios[0]
     coarser = ratios[-1]
-    smallest = min(order, MIN_ORDER)
-    floor = before * (r**order - 1.0) / (r**order * (coarser**order - 1.0))  # the change at the nominal order
+    smallest = min(max_order, MIN_ORDER)
+    nominal_fall = r**max_order * (coarser**max_order - 1.0)
+    floor = before * (r**max_order - 1.0) / nominal_fall  # the change at the nominal order
     nonsense = 4.0  # times the nominal fall: a quarter run this far off is ignored
     sensible = floor <= nonsense * d
     d = np.where(sensible, np.maximum(d, floor), d)
     before = np.where(sensible, before, 0.0)
-    p = _clipped_order(d, before, (r, coarser), smallest, order)
+    p = _observed_order_within(d, before, (r, coarser), smallest, max_order)
     bar = SAFETY * d / (r ** np.nan_to_num(p, nan=smallest) - 1.0)
     bar = np.where(np.isfinite(bar), bar, np.inf)
     return bar if bar.ndim else float(bar)
 
 
-def _clipped_order(d: Any, before: Any, ratios: Sequence[float], low: float, high: float) -> Any:
-    """The p of `error_bar` within bounds; nan if unknown."""
+def _observed_order_within(d: Array, before: Array, ratios: Sequence[float], low: float, high: float) -> Array:
+    """The p of `error_bar` between low and high; nan if unknown."""
     r = ratios[0]
     coarser = ratios[-1]
     p = np.full(np.shape(d), high)
@@ -46,7 +50,8 @@ def _clipped_order(d: Any, before: Any, ratios: Sequence[float], low: float, hig
         fall = np.where(d > 0.0, before / d, 0.0)
         for _ in range(10):
             before_it = p
-            p = np.clip(np.log(fall * (r**p - 1.0) / (coarser**p - 1.0)) / math.log(r), low, high)
+            observed = np.log(fall * (r**p - 1.0) / (coarser**p - 1.0)) / math.log(r)
+            p = np.clip(observed, low, high)
             if np.array_equal(p, before_it, equal_nan=True):
                 break
     return p
@@ -68,4 +73,5 @@ def observed_order(levels: Sequence[float], ratios: Sequence[float]) -> float | 
     def equation(p: float) -> float:
         return math.log(r**p * (coarser**p - 1.0) / (r**p - 1.0)) - math.log(fall or math.ulp(0.0))
 
-    return float(brentq(equation, MIN_ORDER, LARGEST)) if equation(MIN_ORDER) < 0.0 < equation(LARGEST) else None
+    in_range = equation(MIN_ORDER) < 0.0 < equation(LARGEST)
+    return float(brentq(equation, MIN_ORDER, LARGEST)) if in_range else None

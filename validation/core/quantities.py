@@ -23,48 +23,42 @@ def key_numbers(design: list[dict[str, Any]], max_count: int = 8) -> list[dict[s
 
 
 def design_row_texts(number: dict[str, Any]) -> dict[str, str]:
-    """A row of `design` as text; "" where unknown."""
+    """The columns of a row of `design` as texts; "" where unknown."""
+    what = quantity_words(number["quantity"])
     value = number["value"]
     bar = number.get("bar")
     unit = number["unit"]
     if value is None:
-        return {
-            "what": quantity_words(number["quantity"]),
-            "value": "the car never passes",
-            "t": "",
-            "mass": "",
-            "at": "",
-        }
+        return {"what": what, "value": "the car never passes", "t": "", "mass": "", "at": ""}
     text = quantity_text(value, bar, unit)
-    what = quantity_words(number["quantity"])
     if number.get("more"):
         what += f" ({number['more']} more, larger)"
-    where = {"t": _with_unit(number, "t", ".4g", "s")}
-    where |= {key: _with_unit(number, name, ".1f", "m") for key, name in (("mass", "s_o"), ("at", "s"))}
+    where = {"t": _entry_with_unit(number, "t", ".4g", "s")}
+    where |= {key: _entry_with_unit(number, name, ".1f", "m") for key, name in (("mass", "s_o"), ("at", "s"))}
     return {"what": what, "value": text, **where}
 
 
 def quantity_text(value: float, bar: float | None, unit: str) -> str:
     """A value with its bar and unit; a speed also in km/h."""
-    factor, name = unit_scale(np.array([value, bar or 0.0]), unit)
-    text = with_bar(factor * value, bar and factor * bar)
+    factor, name = factor_and_prefixed_unit(np.array([value, bar or 0.0]), unit)
+    text = text_with_bar(factor * value, bar and factor * bar)
     if name and unit != "s_o/l":
         text += f" {name}"
     if unit == "m/s":
-        text += f" = {with_bar(3.6 * value, bar and 3.6 * bar)} km/h"
+        text += f" = {text_with_bar(3.6 * value, bar and 3.6 * bar)} km/h"
     return text
 
 
-def limit_text(row: dict[str, Any]) -> dict[str, str]:
-    """A verdict on a limit as text."""
+def limit_row_texts(row: dict[str, Any]) -> dict[str, str]:
+    """The columns of a row of verdicts on limits as texts."""
     value = "-" if row["value"] is None else quantity_text(row["value"], row["bar"], row["unit"])
     limit = f"{row['side']} {quantity_text(row['limit'], None, row['unit'])}"
     return {"limit": row["demand"], "value": value, "demanded": limit, "by": row["source"], "verdict": row["verdict"]}
 
 
-def verification_text(row: dict[str, Any]) -> dict[str, str]:
-    """A row of the verification as text."""
-    factor, name = unit_scale(np.array([row["uncertainty"]]), row["unit"])
+def verification_row_texts(row: dict[str, Any]) -> dict[str, str]:
+    """The columns of a row of the verification as texts."""
+    factor, name = factor_and_prefixed_unit(np.array([row["uncertainty"]]), row["unit"])
     orders = {key: row[f"order_{key}"] for key in ("space", "time")}
     return {
         "quantity": quantity_words(row["quantity"]),
@@ -76,12 +70,14 @@ def verification_text(row: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def _with_unit(number: dict[str, Any], key: str, digits: str, unit: str) -> str:
+def _entry_with_unit(number: dict[str, Any], key: str, digits: str, unit: str) -> str:
+    """The text of one entry of a design number; "" where it is not known."""
     value = number.get(key)
     return "" if value is None else f"{value:{digits}} {unit}"
 
 
 def quantity_words(quantity: str) -> str:
+    """What a quantity is, in words; "KIND:NAME" names the obstacle or part that it is of."""
     kind, _, of = quantity.partition(":")
     return KNOWN[kind][0].format(of)
 
@@ -91,7 +87,7 @@ def unit_of(quantity: str) -> str:
     return KNOWN[quantity.partition(":")[0]][1]
 
 
-def unit_scale(values: Array, unit: str) -> tuple[float, str]:
+def factor_and_prefixed_unit(values: Array, unit: str) -> tuple[float, str]:
     """Factor and prefixed unit that give the largest value one to four digits."""
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
     if unit == "m" and 0.0 < largest < 0.1:
@@ -103,7 +99,7 @@ def unit_scale(values: Array, unit: str) -> tuple[float, str]:
     return 1.0, unit
 
 
-def with_bar(value: float, bar: float | None) -> str:
+def text_with_bar(value: float, bar: float | None) -> str:
     """A value rounded to two digits of its bar, else to five.
 
     A bar at rounding level is none.

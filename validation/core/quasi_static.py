@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,11 +22,20 @@ from cablefem.response import Array, LazyValue, Observation, Response
 from cablefem.scene import Groups, Scene
 from cablefem.scene.catenary import coordinates, static_tension
 from cablefem.scene.statics import Rest, gripped_rest, hauled_rest, load_path_nodes
-from validation.core.sampling import OBSERVED, STATIONS, frame_times, observation_in_si, path_fields_in_si
+from validation.core.sampling import OBSERVED, STATIONS, observation_in_si, path_fields_in_si, times_of_frames
 
 STEPS = 1001
 NEAREST = 1e-6  # s_o/l from a support below which the path of a gripped car needs no statics
 DOWN = np.array([0.0, 1.0])
+
+
+class Travel(NamedTuple):
+    """Times of steps, s_o and its first two derivatives (n,), dimensionless."""
+
+    t: Array
+    s_o: Array
+    ds: Array
+    dds: Array
 
 
 def quasi_static(scene: Scene) -> Response:
@@ -39,7 +48,7 @@ def quasi_static(scene: Scene) -> Response:
     begin = time.perf_counter()
     travel = _travel_kinematics(scene)
     statics = Statics(scene.groups, None if scene.ride is None else scene.ride.path.rest)
-    t, s_o, *_ = travel
+    t = travel.t
     observed = LazyValue(partial(_observed_fields, scene, statics, travel))
 
     def observed_field(name: str) -> Callable[[Response], Any]:
@@ -47,40 +56,37 @@ def quasi_static(scene: Scene) -> Response:
 
     work = dict.fromkeys(("rejected", "newton_iterations", "factorisations", "residuals"), 0)
     return Response(
-        **path_fields_in_si(scene, t, s_o, statics.displacement_of_car(s_o)),
+        **path_fields_in_si(scene, t, travel.s_o, statics.displacement_of_car(travel.s_o)),
         scene=scene.name, scene_toml=scene.to_toml(), horizontal_tension=scene.horizontal_tension,
         method="quasi-static", settings={}, model="quasi-static", load="mass", law="elastic",
         reason=None, slack_onset=None, slack_at=None, switched=None,
-        events=ride_events(scene), work={"steps": t.size - 1, **work}, n_dof=0, seconds=time.perf_counter() - begin,
+        events=free_ride_events(scene), work={"steps": t.size - 1, **work}, n_dof=0,
+        seconds=time.perf_counter() - begin,
         later={name: observed_field(name) for name in OBSERVED if name != "events"},
     )  # fmt: skip
 
 
-def _observed_fields(scene: Scene, statics: Statics, travel: tuple[Array, Array, Array, Array]) -> dict[str, Any]:
-    """The fields of a `Response` that are OBSERVED; travel : t, s_o, ds_o, dds_o (n,) of the steps."""
+def _observed_fields(scene: Scene, statics: Statics, travel: Travel) -> dict[str, Any]:
+    """The fields of a `Response` that are OBSERVED."""
     s = np.linspace(0.0, 1.0, STATIONS)
-    n = travel[0].size
-    frames = frame_times(scene, float(travel[0][-1]))
-    # n steps, then frames
-    t, s_o, ds, dds = (np.append(x, np.interp(frames, travel[0], x)) for x in travel)
-    observed = _observation(scene.groups, statics, n, (t, s_o, ds, dds), s)
-    return observation_in_si(scene, observed, np.arange(t.size) < n, s)
+    n = travel.t.size
+    frames = times_of_frames(scene, float(travel.t[-1]))
+    steps_and_frames = Travel(*(np.append(x, np.interp(frames, travel.t, x)) for x in travel))
+    observed = _observe_steps_and_frames(scene.groups, statics, steps_and_frames, n, s)
+    return observation_in_si(scene, observed, np.arange(n + frames.size) < n, s)
 
 
-def _observation(g: Groups, statics: Statics, n: int, travel: tuple[Array, ...], s: Array) -> Observation:
-    """All that is known of n steps and of the frames after them, with fields at stations s; dimensionless.
-
-    travel : t, s_o, ds_o, dds_o of steps and frames.
-    """
+def _observe_steps_and_frames(g: Groups, statics: Statics, travel: Travel, n: int, s: Array) -> Observation:
+    """All that is known of the n steps of a travel and of the frames after them, with fields at stations s (m,)."""
     t, s_o, ds, dds = travel
     here = statics(s_o)
     velocity = here.along * ds[:, None]
     acceleration = here.along * dds[:, None] + here.bend * (ds**2)[:, None]
     kinetic = 0.5 * g.mu * (velocity**2).sum(1)
-    energy = kinetic + statics.energy(s_o)
+    energy = kinetic + statics.potential_energy(s_o)
     power = np.full(t.size, np.nan)
     power[:n] = np.gradient(energy[:n], t[:n])
-    smallest, smallest_at = _smallest_tension(here, g.sigma)
+    smallest, smallest_at = _min_tension_and_position(here, g.sigma)
     haul = _haul_force(g, here, velocity, acceleration) if g.drive.mode == "haul" else np.full(t.size, np.nan)
     return Observation(
         t=t, s_o=s_o, path=statics.displacement_of_car(s_o), path_velocity=velocity, path_acceleration=acceleration,
@@ -93,11 +99,11 @@ def _observation(g: Groups, statics: Statics, n: int, travel: tuple[Array, ...],
 
 
 def _haul_force(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
-    """Haul force (n,): holding force, drag and inertia along the mean tangent.
+    """Haul force (n,): holding force, drag and inertia along the mean tangent; velocity and acceleration : (n, 2).
 
     The contact force they add changes only friction.
     """
-    tau = _mean_tangent(r)
+    tau = _unit_mean_tangent(r)
     size = np.linalg.norm(r.slope_behind + r.slope_ahead, axis=1)
     air = velocity - [g.drive.wind, 0.0]  # velocity relative to the air (n, 2)
     drag = -g.drive.k * np.linalg.norm(air, axis=1)[:, None] * air
@@ -108,24 +114,23 @@ def _haul_force(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Arr
     return r.haul + (more * tau).sum(1) + friction
 
 
-def _mean_tangent(r: Rest) -> Array:
+def _unit_mean_tangent(r: Rest) -> Array:
+    """Of both sides of the car (n, 2)."""
     mean = r.slope_behind + r.slope_ahead
     return mean / np.linalg.norm(mean, axis=1)[:, None]
 
 
-def _travel_kinematics(scene: Scene) -> tuple[Array, Array, Array, Array]:
-    """Times, s_o and its first two derivatives, (n,) each, dimensionless."""
+def _travel_kinematics(scene: Scene) -> Travel:
     motion = scene.groups.motion
     if motion is None:
-        return _ride_kinematics(scene)
+        return _free_ride_kinematics(scene)
     t = np.linspace(0.0, motion.phases[-1][1], STEPS)
     phase = np.searchsorted([end for _, end in motion.phases[:-1]], t)
-    s_o, ds, dds = motion.kinematics(t, phase)
-    return t, s_o, ds, dds
+    return Travel(t, *motion.kinematics(t, phase))
 
 
-def _ride_kinematics(scene: Scene) -> tuple[Array, Array, Array, Array]:
-    """The same of a free car, with the instants of events, at which forces jump."""
+def _free_ride_kinematics(scene: Scene) -> Travel:
+    """With the instants of events, at which forces jump."""
     ride = scene.ride
     assert ride is not None
     t = np.linspace(0.0, ride.duration or scene.groups.drive.nominal, STEPS)
@@ -136,7 +141,7 @@ def _ride_kinematics(scene: Scene) -> tuple[Array, Array, Array, Array]:
     ds = np.zeros(t.size)
     if ride.sections:
         s_o, ds = ride.at(t)
-    return t, s_o, ds, np.gradient(ds, t)
+    return Travel(t, s_o, ds, np.gradient(ds, t))
 
 
 class Statics:
@@ -151,15 +156,15 @@ class Statics:
         self._groups = groups
         at_rest = hauled_rest if groups.drive.mode == "haul" else gripped_rest
         r = rest or at_rest(load_path_nodes(groups.sigma, NEAREST if groups.drive.mode == "grip" else None), groups)
-        force = r.hold + r.haul * (_mean_tangent(r) * r.along).sum(1)  # that drives the car along s_o (n,)
+        force = r.hold + r.haul * (_unit_mean_tangent(r) * r.along).sum(1)  # that drives the car along s_o (n,)
         columns = {name: getattr(r, name).reshape(r.s.size, -1) for name in Rest.__dataclass_fields__ if name != "s"}
         ends = np.cumsum([x.shape[1] for x in columns.values()])
         self._columns = dict(zip(columns, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
         self._spline = CubicSpline(r.s, np.concatenate([*columns.values(), force[:, None]], axis=1))
         self._range = float(r.s[0]), float(r.s[-1])
 
-    def energy(self, s_o: Array) -> Array:
-        """Work of the force that drives the car, from the first node."""
+    def potential_energy(self, s_o: Array) -> Array:
+        """Work (n,) of the force that drives the car, from the first node."""
         return np.asarray(self._spline.antiderivative()(s_o)[:, -1])
 
     def displacement_of_car(self, s_o: Array) -> Array:
@@ -168,7 +173,7 @@ class Statics:
         off_supports = (s_o > NEAREST) & (s_o < 1.0 - NEAREST)
         return np.where(off_supports[:, None], self(s_o).car_point - hanging, 0.0)
 
-    def tension(self, s: Array, s_o: Array) -> Array:
+    def tension_at_stations(self, s: Array, s_o: Array) -> Array:
         """T at stations s (m,) with the car at s_o (k,): (k, m), behind at s = s_o."""
         r = self(s_o)
         ahead = (s > s_o[:, None])[..., None]  # (k, m, 1)
@@ -176,12 +181,13 @@ class Statics:
         return np.hypot(force[..., 0], force[..., 1] - self._groups.sigma * s)
 
     def __call__(self, s: Array) -> Rest:
+        """The cable at rest with the car at s (n,)."""
         values = self._spline(np.clip(s, *self._range))
         columns = {name: values[:, k] for name, k in self._columns.items()}
         return Rest(s=np.asarray(s, float), **{n: x[:, 0] if x.shape[1] == 1 else x for n, x in columns.items()})
 
 
-def _smallest_tension(r: Rest, sigma: float) -> tuple[Array, Array]:
+def _min_tension_and_position(r: Rest, sigma: float) -> tuple[Array, Array]:
     """Smallest tension along the cable and its s, (n,) each: where the force is level, or at an end of a side."""
     force = np.stack([r.left_force, r.left_force + r.jump])  # at s = 0 of both sides (2, n, 2)
     at = np.clip(force[..., 1] / sigma, [0.0 * r.s, r.s], [r.s, np.ones_like(r.s)])
@@ -194,8 +200,9 @@ def _fields_at_frames(statics: Statics, g: Groups, s: Array, s_o: Array, ds: Arr
     hanging = np.stack(coordinates(s, g.sigma, g.c), -1)
     step = 1e-5
     w, later, earlier = (_station_points(statics(s_o + d), g, s) - hanging for d in (0.0, step, -step))  # (k, m, 2)
-    velocity = (later - earlier) / (2.0 * step) * ds[:, None, None]
-    tension = statics.tension(s, s_o)
+    change = (later - earlier) / (2.0 * step)  # with s_o
+    velocity = change * ds[:, None, None]
+    tension = statics.tension_at_stations(s, s_o)
     return {"u": w[..., 0], "v": w[..., 1], "du": velocity[..., 0], "dv": velocity[..., 1], "T": tension}
 
 
@@ -207,12 +214,12 @@ def _station_points(r: Rest, g: Groups, s: Array) -> Array:
     half = 0.5 * np.diff(ends)[..., None]  # (k, m, 1)
     p = ends[:, :-1, None] + half * (1.0 + x)  # Gauss points (k, m, POINTS)
     ahead = ends[:, 1:] > r.s[:, None]  # (k, m)
-    horizontal, vertical = (
-        (r.left_force[:, i, None] + ahead * r.jump[:, i, None])[..., None] for i in (0, 1)
-    )  # (k, m, 1)
-    vertical = vertical - g.sigma * p
+    force = r.left_force[:, None] + ahead[..., None] * r.jump[:, None]  # at s = 0 of each side (k, m, 2)
+    horizontal = force[..., :1]  # (k, m, 1)
+    vertical = force[..., 1:] - g.sigma * p  # (k, m, POINTS)
     stretch = 1.0 - static_tension(p, g.sigma, g.c) / g.alpha  # of the empty cable
-    weights = half * w * (stretch / np.sqrt(horizontal**2 + vertical**2) + 1.0 / g.alpha)  # (k, m, POINTS)
+    tension = np.sqrt(horizontal**2 + vertical**2)
+    weights = half * w * (stretch / tension + 1.0 / g.alpha)  # (k, m, POINTS)
     pieces = np.stack([horizontal[..., 0] * weights.sum(axis=2), (weights * vertical).sum(axis=2)], axis=2)
     points = np.concatenate([np.zeros((r.s.size, 1, 2)), np.cumsum(pieces, axis=1)], axis=1)
     index = np.arange(s.size) + (s > r.s[:, None])
@@ -242,8 +249,8 @@ class InertiaErrors:
         late = sag / scene.wave_speed**2  # at most 0.43 of it
         return cls(max(0.0, deflection), error, energy, late)
 
-    def slower(self, speed: float) -> float:
-        """How much slower [m/s] a car is that lacks the energy."""
+    def speed_loss(self, speed: float) -> float:
+        """How much slower [m/s] a car is at a speed [m/s] if it lacks the energy."""
         return speed - math.sqrt(max(0.0, speed**2 - 2.0 * self.energy))
 
     def event_bars(self, event: dict[str, Any], t: Array, s_o: Array, speed: Array) -> dict[str, float]:
@@ -253,7 +260,7 @@ class InertiaErrors:
         """
         name = event["event"]
         late = self.late * event["t"]
-        bars = {"bar_t": late, "bar_s_o": 0.0, "bar_speed": self.slower(event["speed"])}
+        bars = {"bar_t": late, "bar_s_o": 0.0, "bar_speed": self.speed_loss(event["speed"])}
         if name in ("release", "thrust_end"):  # its time is prescribed
             bars["bar_t"] = 0.0
             bars["bar_s_o"] = late * event["speed"]
@@ -264,37 +271,37 @@ class InertiaErrors:
             bars["bar_s_o"] = abs(event["s_o"] - float(s_o[k]))
         return bars
 
-
-def with_error_bars(scene: Scene, r: Response) -> Response:
-    """The quasi-static response with bars of its design numbers and events."""
-    assert scene.mass is not None
-    inertia = InertiaErrors.estimated(scene, float(r.speed.max()), r.max_deflection)
-    error = inertia.error
-    weight = scene.mass.mass * scene.gravity
-    tensions = [row["value"] for row in r.design if row["quantity"] == "tension_max"]
-    scales = {"m": inertia.deflection, "N": max(tensions, default=0.0)}
-
-    def bar_of_number(row: dict[str, Any]) -> float | None:
-        """Bar of a design number, in its unit; None without a value."""
+    def number_bar(self, row: dict[str, Any], scene: Scene, tension_max: float) -> float | None:
+        """Bar of a design number, in its unit; its own if it has one; None without a value."""
+        assert scene.mass is not None
         quantity = row["quantity"]
         value = row["value"]
+        weight = scene.mass.mass * scene.gravity
         if value is None or row["bar"] is not None:
             return row["bar"]
         if quantity == "speed_max":
-            slope = 4.0 * inertia.deflection / scene.length
-            return inertia.slower(value) if r.drive == "free" else value * error * (error + slope)
+            slope = 4.0 * self.deflection / scene.length
+            of_travel = value * self.error * (self.error + slope)
+            return self.speed_loss(value) if scene.drive.mode == "free" else of_travel
         if quantity.startswith("contact"):  # the path is the more curved the heavier the car
-            return error * weight * (1.0 + 2.0 * scene.mu)
+            return self.error * weight * (1.0 + 2.0 * scene.mu)
         if quantity.startswith("haul_force"):
-            return error * weight
-        return error * scales.get(row["unit"], abs(value))
+            return self.error * weight
+        scales = {"m": self.deflection, "N": tension_max}
+        return self.error * scales.get(row["unit"], abs(value))
 
+
+def with_inertia_error_bars(scene: Scene, r: Response) -> Response:
+    """The quasi-static response with bars of its design numbers and events."""
+    inertia = InertiaErrors.estimated(scene, float(r.speed.max()), r.max_deflection)
+    tension_max = max((row["value"] for row in r.design if row["quantity"] == "tension_max"), default=0.0)
+    design = [row | {"bar": inertia.number_bar(row, scene, tension_max)} for row in r.design]
     events = [event | inertia.event_bars(event, r.t, r.s_o, r.speed) for event in r.events]
-    return replace(r, design=[row | {"bar": bar_of_number(row)} for row in r.design], events=events)
+    return replace(r, design=design, events=events)
 
 
-def ride_events(scene: Scene) -> list[dict[str, Any]]:
-    """Events of the quasi-static ride of a free car; none of another car."""
+def free_ride_events(scene: Scene) -> list[dict[str, Any]]:
+    """Events of the quasi-static ride of a free car, in SI; none of another car."""
     l = scene.length
     time_scale = scene.time_scale
     events = scene.ride.events if scene.ride is not None else []
@@ -303,7 +310,7 @@ def ride_events(scene: Scene) -> list[dict[str, Any]]:
     ]
 
 
-def quasi_static_events(scene: Scene, full_run_deflection: float) -> list[dict[str, Any]]:
+def quasi_static_events_with_bars(scene: Scene, full_run_deflection: float) -> list[dict[str, Any]]:
     """Events of the quasi-static ride with bars; full_run_deflection : the largest [m] of a run of the full model."""
     ride = scene.ride
     if ride is None:
@@ -315,4 +322,4 @@ def quasi_static_events(scene: Scene, full_run_deflection: float) -> list[dict[s
         s_o = scene.length * ride.at(t)[0]
         speed = scene.length / scene.time_scale * ride.speed(t)
     inertia = InertiaErrors.estimated(scene, float(speed.max()), full_run_deflection)
-    return [event | inertia.event_bars(event, scene.time_scale * t, s_o, speed) for event in ride_events(scene)]
+    return [event | inertia.event_bars(event, scene.time_scale * t, s_o, speed) for event in free_ride_events(scene)]

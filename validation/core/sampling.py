@@ -131,7 +131,7 @@ def _observed_fields(
     """The fields of a `Response` that are OBSERVED."""
     onset = _onset_within(h, states)
     switch = states.t[onset.step] if onset is not None and h.after is not None else math.inf
-    t = frame_times(scene, float(states.t[-1]), frames)
+    t = times_of_frames(scene, float(states.t[-1]), frames)
     s = np.linspace(0.0, 1.0, STATIONS)
     with one_blas_thread():
         no_frames = t.size == 0 or states.t.size == 1
@@ -240,7 +240,7 @@ def _select_states(states: States, rows: slice | NDArray[Any]) -> States:
     return States(states.t[rows], states.q[rows], states.v[rows], states.a[rows], states.phase[rows])
 
 
-def frame_times(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
+def times_of_frames(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
     """Times of the fields (k,): when a travel passes its marks, gaps filled; of a car that rolls also the end."""
     motion = scene.groups.motion
     if motion is None:

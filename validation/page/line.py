@@ -13,7 +13,7 @@ from cablefem.response import Array
 from cablefem.scene.line import Line
 from validation.core import store
 from validation.core.limits import scope_sentences
-from validation.core.quantities import limit_text, unit_scale
+from validation.core.quantities import factor_and_prefixed_unit, limit_row_texts
 from validation.page import printing, terminal
 from validation.page.answer.many import LIMITS, Column, Columns, Row, grid_table, point_label
 from validation.page.page import Section, limits_of, read_asset, render_sections, worst_verdict
@@ -51,7 +51,7 @@ def three_decimals_text(value: float, unit: str) -> str:
     """A value with its unit, to a millimetre or a newton."""
     factor = 1.0
     if unit != "m":
-        factor, unit = unit_scale(np.array([value]), unit)
+        factor, unit = factor_and_prefixed_unit(np.array([value]), unit)
     suffix = {"deg": "°", "": ""}.get(unit, f" {unit}")
     return f"{round(factor * value, 3) + 0.0:.3f}{suffix}"  # no -0.000
 
@@ -141,7 +141,7 @@ def line_sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = 
 def stored_limits_table(folder: Path, summary: Row) -> Markup:
     """Stored verdicts on limits, and what their texts are for."""
     line = Line.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
-    return limits_of(list(map(limit_text, summary["limits"])), scope_sentences(line))
+    return limits_of(list(map(limit_row_texts, summary["limits"])), scope_sentences(line))
 
 
 def _column_of_floats(positions: Sequence[Row], name: str) -> Array:
@@ -178,7 +178,7 @@ def _side_view_without_cars(line: Row, profile: dict[str, Array], lowest: Sequen
 
 def series_figure(series: dict[str, Array], unit: str, x: Array, xlabel: str, title: str) -> Markup:
     """Series by name, (n,) in SI, over a common axis x (n,)."""
-    factor, prefixed = unit_scale(np.concatenate(list(series.values())), unit)
+    factor, prefixed = factor_and_prefixed_unit(np.concatenate(list(series.values())), unit)
     p = Panel(f"[{prefixed}]" if prefixed else "", "", 140.0)
     p.fit_y_axis([factor * v for v in series.values()])
     for i, (name, v) in enumerate(series.items()):

@@ -19,7 +19,7 @@ import numpy as np
 from markupsafe import Markup
 
 from cablefem.response import write_text
-from validation.core.quantities import design_row_texts, unit_scale, verification_text, with_bar
+from validation.core.quantities import design_row_texts, factor_and_prefixed_unit, text_with_bar, verification_row_texts
 
 # worst first, with signs for readers who see no colour
 VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
@@ -166,7 +166,7 @@ def typeset_number(text: str) -> str:
 
 def force_text(x: float) -> str:
     """A force to four digits, in N, kN, MN or GN."""
-    factor, unit = unit_scale(np.array([x]), "N")
+    factor, unit = factor_and_prefixed_unit(np.array([x]), "N")
     return f"{number_html(factor * x, 4)}\u202f{unit}"
 
 
@@ -232,9 +232,9 @@ _ENVIRONMENT.filters |= {
     "settings": settings_text,
     "force": force_text,
     "design_row_texts": design_row_texts,
-    "verification_text": verification_text,
+    "verification_row_texts": verification_row_texts,
     "typeset": typeset_number,
-    "with_bar": with_bar,
+    "text_with_bar": text_with_bar,
 }
 _ENVIRONMENT.globals["verdicts"] = VERDICTS
 _PARTS: Any = _ENVIRONMENT.get_template("parts.html").module

@@ -11,7 +11,7 @@ from validation.core.agreement import Agreement
 from validation.core.answers import outcome_of_run
 from validation.core.measures import WINDOWS
 from validation.core.methods import find_method
-from validation.core.quantities import design_row_texts, key_numbers, limit_text, with_bar
+from validation.core.quantities import design_row_texts, key_numbers, limit_row_texts, text_with_bar
 from validation.page import terminal
 from validation.page.answer import EVENTS
 
@@ -41,7 +41,7 @@ def print_run_summary(scene: Scene, r: Response) -> None:
     onset = next((row for row in r.design if row["quantity"] == "slack_onset"), None)
     if onset is not None:
         bar = onset["bar"]
-        at = with_bar(onset["value"] * r.length, bar and bar * r.length)
+        at = text_with_bar(onset["value"] * r.length, bar and bar * r.length)
         after = "the rope carries no compression"
         if r.law == "elastic":
             after = "this elastic law carries compression, and means nothing"
@@ -51,7 +51,7 @@ def print_run_summary(scene: Scene, r: Response) -> None:
 def print_limits(scene: Scene | Line, judged: Sequence[dict[str, Any]]) -> None:
     """Print verdicts on limits, and what their texts are for."""
     if judged:
-        cells = [limit_text(row) for row in judged]
+        cells = [limit_row_texts(row) for row in judged]
         terminal.print_table(list(cells[0]), [list(cell.values()) for cell in cells])
     for sentence in judge.scope_sentences(scene):
         terminal.print_text(f"  {sentence}")
@@ -70,12 +70,12 @@ def print_design_numbers(design: Sequence[dict[str, Any]]) -> None:
 def print_last_five_events(events: Sequence[dict[str, Any]]) -> None:
     """Print the last five events, one per row."""
     for x in events[-5:]:
-        t = with_bar(x["t"], x.get("bar_t"))
-        s_o = with_bar(x["s_o"], x.get("bar_s_o"))
+        t = text_with_bar(x["t"], x.get("bar_t"))
+        s_o = text_with_bar(x["s_o"], x.get("bar_s_o"))
         speed = ""
         if x["event"] not in ("stop", "turn"):
             bar = x.get("bar_speed")
-            speed = f" with {with_bar(3.6 * x['speed'], bar and 3.6 * bar)} km/h"
+            speed = f" with {text_with_bar(3.6 * x['speed'], bar and 3.6 * bar)} km/h"
         terminal.print_text(f"  {x['event'].replace('_', ' '):<10}  after {t} s at {s_o} m{speed}")
 
 

@@ -260,7 +260,7 @@ def _static_gaps(scene: Scene, full: Response) -> dict[str, float]:
     s = full.fields.s / l
     s_o = full.fields.s_o / l
     off_mass = np.abs(s - s_o[:, None]) > JUMP_WIDTH  # (frames, stations)
-    tension = statics.tension(s, s_o) - full.fields.T / scene.horizontal_tension
+    tension = statics.tension_at_stations(s, s_o) - full.fields.T / scene.horizontal_tension
     return {
         "path": float(np.abs(v - full.v).max() / np.abs(full.v).max()),
         "tension": float(np.sqrt(np.mean(tension[off_mass] ** 2))),

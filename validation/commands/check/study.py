@@ -28,7 +28,7 @@ from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Goal, Ladder
 from validation.core.methods import CHECKED, Method, find_method, scaled_settings
 from validation.core.quantities import design_row_texts, key_numbers
-from validation.core.quasi_static import quasi_static_events
+from validation.core.quasi_static import quasi_static_events_with_bars
 from validation.core.refine import (
     BUDGET,
     TooCoarse,
@@ -163,7 +163,7 @@ def check(
     own = _with_design_and_events(first, other), _with_design_and_events(other, first)
     rows += design_gap_rows(*own, tolerance_of("rest", tol, tol_tension))
     a, b = (_with_widened_bars(x, counterpart, rows) for x, counterpart in (own, own[::-1]))
-    static = quasi_static_events(scene, a.finest.max_deflection)
+    static = quasi_static_events_with_bars(scene, a.finest.max_deflection)
     rows += quasi_static_rows(a, static, tolerance_of("rest", tol, tol_tension))
     rows += mark_deciding_rows(recheck_outputs(scene, a.finest, b.finest), ask)
     if deep:

@@ -20,7 +20,7 @@ from cablefem.scene.line import Line
 from cablefem.scene.short import load_line_or_none
 from validation.commands.find.condition import Answer, Clause, parse_condition, refuse_uncheckable_clauses
 from validation.core import store
-from validation.core.quantities import with_bar
+from validation.core.quantities import text_with_bar
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.store import Refused
 from validation.page.answer.many import write_csv_rows
@@ -58,7 +58,7 @@ class Threshold:
         else:
             # a bar of rounding would print digits that bisection does not have
             width = abs(self.fails_at - self.holds_at)
-            text = with_bar(self.value, max(self.bar or 0.0, width))
+            text = text_with_bar(self.value, max(self.bar or 0.0, width))
             sure += "" if self.bar is not None else ", whose own error is not known"
         return f"{side} {f'{text} {self.unit}'.rstrip()}; {beyond}: {self.fails}; {sure}"
 
@@ -360,12 +360,12 @@ def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: boo
         r = run_with_bars(scene, bars=bars)
     else:
         from validation.core.design import design_numbers
-        from validation.core.quasi_static import quasi_static, with_error_bars
+        from validation.core.quasi_static import quasi_static, with_inertia_error_bars
 
         r = quasi_static(scene)
         if only_events:
             return Answer.from_rows(outcome_of_run(scene, r), (), r.events, ())
-        r = with_error_bars(scene, replace(r, design=design_numbers(r)))
+        r = with_inertia_error_bars(scene, replace(r, design=design_numbers(r)))
     return Answer.from_rows(outcome_of_run(scene, r), r.design, r.events, limits.limit_rows(scene, r.design, r.events))
 
 

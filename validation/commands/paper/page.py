@@ -16,7 +16,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.paper.judged import render_sentence
 from validation.core import store
-from validation.core.quantities import with_bar
+from validation.core.quantities import text_with_bar
 from validation.page.figures import captioned_figure, figure_with_axes, report_style
 from validation.page.page import Section, number_html, render_sections
 from validation.page.plot import BLACK, BLUE, GREY
@@ -41,7 +41,7 @@ def sections(folder: Path) -> list[Section]:
         parts.append(part | {"drawn": [_draw_figure(one, content, stored_response) for one in part["figure"]]})
     references = [x | {"name": FIGURES["scenes"][name]} for name, x in content["references"].items()]
     return render_sections(
-        __package__, content=content, parts=parts, references=references, value=_value_text, with_bar=with_bar
+        __package__, content=content, parts=parts, references=references, value=_value_text, text_with_bar=text_with_bar
     )
 
 
@@ -50,7 +50,7 @@ def _value_text(x: float | None, q: dict[str, Any], bar: float | None = None) ->
     if x is None:
         return "–"
     if bar and 1e-6 * abs(x) < bar < abs(x) < 1e6:
-        return with_bar(x, bar).replace(" ± ", "\u202f±\u202f").replace("-", "−")
+        return text_with_bar(x, bar).replace(" ± ", "\u202f±\u202f").replace("-", "−")
     distances = [abs(x / end - 1.0) for end in (q["low"], q["high"]) if end and end != x]
     digits = 2 - np.floor(np.log10(min(distances, default=1.0)))
     return number_html(x, int(np.clip(digits, 3, 8)))

@@ -14,7 +14,7 @@ from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict, range_faults
 from validation.core.answers import outcome_of_run
 from validation.core.design import design_numbers
 from validation.core.methods import Method, find_method
-from validation.core.quasi_static import quasi_static, with_error_bars
+from validation.core.quasi_static import quasi_static, with_inertia_error_bars
 from validation.core.refine import TooCoarse, refine_to_tolerance, refine_until_goal_met, run_with_error_bars
 from validation.core.rows import events_with_bars, worst_force_goal
 from validation.core.running import Run, run
@@ -76,7 +76,7 @@ def _with_lazy_design_numbers(
 def rechecked_quasi_static_ride(scene: Scene) -> Response:
     """The quasi-static ride with design numbers and bars, and a flag for each that its second computation denies."""
     r = quasi_static(scene)
-    r = with_error_bars(scene, replace(r, design=design_numbers(r)))
+    r = with_inertia_error_bars(scene, replace(r, design=design_numbers(r)))
     rows = list(recomputed.recomputed_rows(r, None, outcome_of_run(scene, r)))
     if r.drive != "grip":
         rows.append(recomputed.check_energy_of_ride(r))

@@ -20,7 +20,7 @@ from validation.commands.sweep.engine import read_rows
 from validation.commands.sweep.job import BROKEN, DESIGN
 from validation.commands.sweep.study import Study
 from validation.core import store
-from validation.core.quantities import KNOWN, quantity_words, unit_of, unit_scale
+from validation.core.quantities import KNOWN, factor_and_prefixed_unit, quantity_words, unit_of
 from validation.page.answer.many import ENDS
 from validation.page.figures import captioned_figure, figure_with_axes
 from validation.page.page import Section, html_table, number_html, percent_text, render_sections
@@ -147,7 +147,7 @@ def _thin_rows(rows: Any) -> Any:
 
 def _draw_map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
     """Draw a quantity over the first two axes, or over the only one; a third axis is cut into parts."""
-    factor, unit = unit_scale(rows[quantity].to_numpy(float), unit_of(quantity))
+    factor, unit = factor_and_prefixed_unit(rows[quantity].to_numpy(float), unit_of(quantity))
     rows = rows.assign(**{quantity: factor * rows[quantity]})
     name = f"{quantity_words(quantity)} [{unit or '–'}]"
     x, y = (*axes, quantity)[:2]

@@ -12,7 +12,7 @@ from validation.core import limits
 from validation.core.answers import outcome_of_run
 from validation.core.measures import time_means_between
 from validation.core.methods import METHODS
-from validation.core.quantities import key_numbers, limit_text
+from validation.core.quantities import key_numbers, limit_row_texts
 from validation.core.scene_data import SceneData
 from validation.page.answer import figures as draw
 from validation.page.answer.stored import StoredAnswer
@@ -24,7 +24,7 @@ from validation.page.side_view import side_view_of_runs
 def answer_page_content(answer: StoredAnswer) -> dict[str, Any]:
     """What assets/answer.html shows of a run or of a check of two."""
     moving = [r for r in answer.runs if r.fields.t.size > 1]
-    rows_of_limits = [limit_text(row) for row in limits.limit_rows(answer.scene, answer.design, answer.all_events)]
+    rows_of_limits = [limit_row_texts(row) for row in limits.limit_rows(answer.scene, answer.design, answer.all_events)]
     view = (
         side_view_of_runs(
             answer.scene, moving, range_T=draw.compared_tension_range(answer), third_party=answer.third_party

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from scipy.integrate import cumulative_trapezoid
 
 from cablefem.response import Array, Response
-from validation.core.quantities import unit_scale
+from validation.core.quantities import factor_and_prefixed_unit
 from validation.page.answer.stored import StoredAnswer
 from validation.page.page import compile_template_expression, read_asset
 from validation.page.plot import BLACK, BLUE, DASHED, DOTTED, GREEN, PURPLE, VERMILLION, Panel, svg_figure
@@ -56,7 +56,7 @@ def plot_series(answer: StoredAnswer, rows: Sequence[tuple[str, str, str]], capt
 def _series_panel(answer: StoredAnswer, title: str, unit: str, values_of: Callable[..., Any], time: bool) -> Panel:
     # limits from the compared part, before slack
     inside = [_values_at_compared_times(answer, r, r.t, values_of(r=r)) for r in answer.runs]
-    factor, name = unit_scale(np.concatenate(inside), unit)
+    factor, name = factor_and_prefixed_unit(np.concatenate(inside), unit)
     p = Panel(f"[{name}]", title, 110.0, down="below" in title)
     p.fit_y_axis([factor * values for values in inside])
     for r, look in zip(answer.runs, LOOKS, strict=False):
@@ -86,7 +86,7 @@ def plot_path_distance(answer: StoredAnswer) -> Markup:
     time = answer.is_free_ride
     abscissa, gap = _abscissa_and_path_distance(a, b, time)
     inside = _values_at_compared_times(answer, a, a.t, np.pad(gap, (0, a.t.size - gap.size)))
-    factor, unit = unit_scale(inside, "m")
+    factor, unit = factor_and_prefixed_unit(inside, "m")
     p = Panel(f"apart [{unit}]", height=150.0)
     p.add_curve(abscissa, factor * gap, BLACK, "", 1.6, "distance of the paths")
     largest = float(inside.max(initial=0.0))
@@ -129,7 +129,7 @@ def compared_tension_range(answer: StoredAnswer) -> tuple[float, float]:
 def plot_tension_field(answer: StoredAnswer, r: Response, caption: str) -> Markup:
     """Draw tension over time and position, with five numbers on it across and three up."""
     low, high = compared_tension_range(answer)
-    factor, unit = unit_scale(np.array([low, high]), "N")
+    factor, unit = factor_and_prefixed_unit(np.array([low, high]), "N")
     f = r.fields
     end = float(r.t[-1])
     p = Panel(POSITION, "", 220.0, low=0.0, high=r.length, scale=(factor * low, factor * high, unit))
@@ -158,7 +158,7 @@ def plot_energy_split(answer: StoredAnswer, caption: str) -> Markup:
     for name, power in r.powers.items():
         work = cumulative_trapezoid(np.nan_to_num(power), r.t, initial=0.0)
         energies["damping" if name == "lost_viscous" else name] = -work
-    factor, unit = unit_scale(np.concatenate(list(energies.values())), "J")
+    factor, unit = factor_and_prefixed_unit(np.concatenate(list(energies.values())), "J")
     p = Panel(f"since start [{unit}]", height=200.0)
     for name, y in energies.items():
         if np.abs(y).max() > 0.0:

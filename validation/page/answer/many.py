@@ -14,7 +14,7 @@ from cablefem.response import Response, atomic_write, write_json, write_text
 from cablefem.scene import Scene
 from validation.core import limits, store
 from validation.core.answers import outcome_of_run
-from validation.core.quantities import quantity_words, unit_scale
+from validation.core.quantities import factor_and_prefixed_unit, quantity_words
 from validation.core.sidebyside import map_in_parallel
 from validation.page import report, terminal
 from validation.page.options import GridPoint
@@ -181,7 +181,7 @@ def run_table_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
         if not values:
             continue
         if name.startswith(("tension", "haul")):
-            factor, unit = unit_scale(np.array(values), "N")
+            factor, unit = factor_and_prefixed_unit(np.array(values), "N")
             out[name] = Column(f"{quantity_words(name)} [{unit}]", factor)
         else:
             out[name] = Column(HEADS.get(name) or quantity_words(name))
