@@ -12,6 +12,8 @@ from validation.page import options, terminal
 
 if TYPE_CHECKING:
     from cablefem.response import Response
+    from validation.commands.run.study import Ride
+    from validation.core.methods import Method
 
 EXAMPLE = "cablefem run zipline --model quasi-static --set mass.mass=40,60,80"
 METHOD = "following-p2"
@@ -46,18 +48,8 @@ def command(
         others = {f"--{option}": given != CHOICES[option][0] for option, given in run_options.items()}
         others["--model"] = model not in ("full", QUASI_STATIC)
         others |= {"--method": method != METHOD, "--tol": tol is not None, "--no-bars": not bars}
-        from validation.commands.run import line as at_rest
-        from validation.commands.run import motion, quasi
-        from validation.commands.run.lines import answer_and_report_lines
-
         points = options.line_points_from_options(options.with_limits(line, limits), set_, case, others)
-
-        def solve(x: Any, report: Any) -> Any:
-            if model == QUASI_STATIC:
-                return quasi.answer_line_quasi_statically(x)
-            return motion.answer_line(x, report=report) if x.moves else at_rest.answer_line(x)
-
-        return answer_and_report_lines("run", points, out, solve, require, at_rest=model == QUASI_STATIC)
+        return _answer_and_report_lines(points, model == QUASI_STATIC, out, require)
     faults = [
         f"--{option} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[option])}"
         for option, given in run_options.items() if given not in CHOICES[option]
@@ -71,18 +63,38 @@ def command(
 
     from validation.commands.run import study
 
-    def solve_point(point: options.GridPoint, progress: Callable[..., None]) -> "tuple[Response, str]":
+    def ride_at(point: options.GridPoint, progress: Callable[..., None]) -> "Ride":
         how = run_options | point.settings
-        return study.run_and_answer(point.scene, chosen, tol=tol, bars=bars, progress=progress, **how)
+        return study.ride_with_design_numbers(point.scene, chosen, tol=tol, bars=bars, progress=progress, **how)
 
     if len(points) > 1:
-        return study.answer_grid(loaded, points, solve_point, out, require)
-    return _run_and_report(points[0], QUASI_STATIC if chosen is None else method, solve_point, out, require)
+        return study.answer_grid(loaded, points, ride_at, out, require)
+    return _run_and_report(points[0], QUASI_STATIC if chosen is None else method, ride_at, out, require)
+
+
+def _answer_and_report_lines(
+    points: list[options.GridPoint], quasi_static: bool, out: Path | None, require_limits: bool
+) -> int:
+    """Answer a line of several contacts, at rest or in motion, or a grid of them; return the exit code."""
+    from validation.commands.run import line as at_rest
+    from validation.commands.run import motion, quasi
+    from validation.commands.run.lines import answer_and_report_lines
+
+    def answer_one(line: Any, report: Any) -> Any:
+        if quasi_static:
+            return quasi.answer_line_quasi_statically(line)
+        return motion.answer_line(line, report=report) if line.moves else at_rest.answer_line(line)
+
+    return answer_and_report_lines("run", points, out, answer_one, require_limits, at_rest=quasi_static)
 
 
 def _run_and_report(
-    point: options.GridPoint, name: str, solve: "Callable[..., tuple[Response, str]]", out: Path | None, require: bool
+    point: options.GridPoint, name: str, ride_at: "Callable[..., Ride]", out: Path | None, require_limits: bool
 ) -> int:  # fmt: skip
+    """Run one scene, write, draw and print its answer, and read it back; return the exit code.
+
+    name : of the method, and of the folder for its files.
+    """
     from validation.core import limits
     from validation.core.answers import write_summary_and_profile
     from validation.core.readback import StoredResults
@@ -92,7 +104,7 @@ def _run_and_report(
     scene = point.scene
     folder = store.claim_folder(out, "run", point.scene, [name])
     with terminal.progress_bars() as progress:
-        r, missed = solve(point, partial(progress, name))
+        r, missed_tolerance = ride_at(point, partial(progress, name))
         r.summary()  # bars are computed when they are looked at
     with do_in_background(partial(_write_animation, r, folder / name)) if name != QUASI_STATIC else nullcontext():
         r.write(folder / name)
@@ -106,10 +118,10 @@ def _run_and_report(
     if broken := printing.print_broken_runs(r):
         return broken
     wrong = report.read_back_and_report("run", StoredResults(folder, [name], judged=False), lines)
-    if missed:
-        terminal.print_faults([missed])
+    if missed_tolerance:
+        terminal.print_faults([missed_tolerance])
         return 1
-    if require and limits.any_limit_fails(limits.limit_rows(scene, r.design, r.events)):
+    if require_limits and limits.any_limit_fails(limits.limit_rows(scene, r.design, r.events)):
         return 1
     # a bar that could not be made is no fault of the run
     return 1 if wrong or any(flag.kind != "no bar" for flag in r.flags) else 0
@@ -121,7 +133,8 @@ def _write_animation(response: "Response", folder: Path) -> None:
     paraview.write_paraview_files(response, folder)
 
 
-def _find_method_noting_faults(name: str, tol: float | None, faults: list[str]) -> Any:
+def _find_method_noting_faults(name: str, tol: float | None, faults: list[str]) -> "Method | None":
+    """The method of a name; why there is none, or why it cannot meet a tolerance, is added to `faults`."""
     from validation.core.methods import find_method
 
     try:
@@ -134,13 +147,15 @@ def _find_method_noting_faults(name: str, tol: float | None, faults: list[str]) 
     return method
 
 
-def _run_faults(method: Any, run_options: dict[str, Any], point: options.GridPoint, tol: float | None) -> list[str]:
+def _run_faults(
+    method: "Method | None", run_options: dict[str, Any], point: options.GridPoint, tol: float | None
+) -> list[str]:
     """Settings that the method does not take, or why it cannot run the scene."""
     from validation.core.running import Run
 
     if method is None:
-        told = "the quasi-static model has no settings; keys of the scene have a dot"
-        return [f"--set {key}: {told}" for key in point.settings]
+        no_settings = "the quasi-static model has no settings; keys of the scene have a dot"
+        return [f"--set {key}: {no_settings}" for key in point.settings]
     chosen = (method.resolution.setting, "steps")
     if tol is not None and (both := [key for key in point.settings if key in chosen]):
         return [f"--set {key} and --tol exclude each other: --tol chooses {' and '.join(chosen)}" for key in both]

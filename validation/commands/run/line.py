@@ -42,7 +42,7 @@ def numbers_by_position(rest: LineRest) -> list[Row | None]:
 
 
 def _numbers_at_position(rest: LineRest, i: int) -> Row:
-    """Numbers of position i; None for what a car on a shoe has not, and for what is not finite."""
+    """Numbers of position i by name; None for what a car on a shoe has not, and for what is not finite."""
     line = rest.line
     state = rest.states[i]
     out: Row = {}
@@ -53,7 +53,13 @@ def _numbers_at_position(rest: LineRest, i: int) -> Row:
         out |= _numbers_at_contact(rest, i, j, index)
     for a, b in itertools.pairwise(line.contact):
         out[f"sag:{a.name} to {b.name}"] = catenary_line.sag_between_stations(state, index[a.name], index[b.name])
-    out["tension_max"] = float(np.nanmax(state.station_tensions))
+    out |= _rope_numbers(line, state)
+    return {name: None if isinstance(x, float) and not math.isfinite(x) else x for name, x in out.items()}
+
+
+def _rope_numbers(line: Line, state: LineState) -> Row:
+    """Extreme tensions, safety factor, and clearances of the rope over obstacles and the ground."""
+    out: Row = {"tension_max": float(np.nanmax(state.station_tensions))}
     out["tension_min"] = catenary_line.min_tension(state)
     if line.cable.breaking_load is not None:
         out["safety_factor"] = line.cable.breaking_load / out["tension_max"]
@@ -61,10 +67,11 @@ def _numbers_at_position(rest: LineRest, i: int) -> Row:
         out[f"clearance_rope:{o.name}"] = o.top - float(catenary_line.depth_and_tension(state, np.array([o.at]))[0][0])
     if line.ground:
         out[f"clearance_rope:{GROUND}"] = catenary_line.min_clearance(state, np.array(line.ground))
-    return {name: None if isinstance(x, float) and not math.isfinite(x) else x for name, x in out.items()}
+    return out
 
 
 def _numbers_at_car(rest: LineRest, i: int, car: Car) -> Row:
+    """Position, depth, shoe, clearance over the ground and forces of a car at position i; no forces on a shoe."""
     line = rest.line
     state = rest.states[i]
     x = line.position_of(car, i)
@@ -126,23 +133,25 @@ def _numbers_at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -
     return out
 
 
-def _bend_angle(state: LineState, k: int) -> float:
+def _bend_angle(state: LineState, station: int) -> float:
     """Angle [deg] by which the rope bends down at a station."""
-    behind, ahead = (math.atan2(pull[1], pull[0]) for pull in (state.behind[k], state.ahead[k]))
+    behind, ahead = (math.atan2(pull[1], pull[0]) for pull in (state.behind[station], state.ahead[station]))
     return math.degrees(ahead - behind)
 
 
-def _car_clearance_name(car: Car, what: str) -> str:
-    return f"clearance_car:{car.name} over {what}"
+def _car_clearance_name(car: Car, obstacle: str) -> str:
+    return f"clearance_car:{car.name} over {obstacle}"
 
 
 def _clearances_between_positions(line: Line, rows: Sequence[Row | None]) -> list[tuple[str, int, float]]:
-    """Clearances of cars over obstacles and corners of the ground that they pass, linear between two positions."""
+    """Clearances of cars over obstacles and corners of the ground that they pass, linear between two positions.
+
+    Each with its name and the position before; rows : numbers by position.
+    """
     out = []
     tops = [(o.name, o.at, o.top) for o in line.obstacle] + [(GROUND, *point) for point in line.ground]
     for car in line.car:
-        depths = [(i, r[f"depth:{car.name}"]) for i, r in enumerate(rows) if r and r[f"depth:{car.name}"] is not None]
-        track = [(i, line.position_of(car, i), depth) for i, depth in depths]
+        track = _track_of_car(line, car, rows)
         for (i, a, y), (_, b, z) in itertools.pairwise([*track, *track[-1:]]):
             for name, at, top in tops:
                 if min(a, b) <= at <= max(a, b):
@@ -151,8 +160,14 @@ def _clearances_between_positions(line: Line, rows: Sequence[Row | None]) -> lis
     return out
 
 
+def _track_of_car(line: Line, car: Car, rows: Sequence[Row | None]) -> list[tuple[int, float, float]]:
+    """Index, x and depth of a car at each position that has a depth."""
+    depths = [(i, row[f"depth:{car.name}"]) for i, row in enumerate(rows) if row]
+    return [(i, line.position_of(car, i), depth) for i, depth in depths if depth is not None]
+
+
 def max_and_min_rows(line: Line, rows: Sequence[Row | None]) -> list[Row]:
-    """Largest and smallest value of each quantity, and the position of each."""
+    """Design numbers: largest and smallest value of each quantity, with its position; rows : numbers by position."""
     out = []
     for name, values in _values_by_quantity(line, rows).items():
         kind = name.partition(":")[0]
@@ -169,7 +184,7 @@ def max_and_min_rows(line: Line, rows: Sequence[Row | None]) -> list[Row]:
 
 
 def _values_by_quantity(line: Line, rows: Sequence[Row | None]) -> dict[str, list[tuple[float, int]]]:
-    """Values by quantity, each with its position."""
+    """Values of each quantity, each with the index of its position; rows : numbers by position."""
     known = [(name, i, value) for i, row in enumerate(rows) for name, value in (row or {}).items()]
     series: dict[str, list[tuple[float, int]]] = {}
     for name, i, value in (*known, *_clearances_between_positions(line, rows)):
@@ -178,10 +193,10 @@ def _values_by_quantity(line: Line, rows: Sequence[Row | None]) -> dict[str, lis
     return series
 
 
-def _name_of_extreme(name: str, word: str) -> str:
-    """Name of the max or min of a quantity."""
+def _name_of_extreme(name: str, max_or_min: str) -> str:
+    """As `tension_max:tower` for `tension:tower`."""
     kind, colon, of = name.partition(":")
-    quantity = kind if kind.endswith(f"_{word}") else f"{kind}_{word}"
+    quantity = kind if kind.endswith(f"_{max_or_min}") else f"{kind}_{max_or_min}"
     return f"{quantity}{colon}{of}"
 
 
@@ -207,6 +222,7 @@ class RestAnswers(LineAnswers):
 
     @property
     def positions_without_rest(self) -> list[Row]:
+        """Number of each such position, and the reason."""
         positions = enumerate(self.rest.positions)
         return [{"position": i + 1, "reason": str(x)} for i, x in positions if isinstance(x, NoLineAtRest)]
 
@@ -314,10 +330,12 @@ def _position_count_text(count: int) -> str:
 
 
 def _car_positions_text(number: Row) -> str:
+    """Where the cars are at an extreme number, as the end of a sentence."""
     return f" with {', '.join(f'{name} at {x:.0f} m' for name, x in number['at'].items())}" if number["at"] else ""
 
 
 def _collision_text(number: Row) -> str:
+    """What hits what by how much; number : a clearance below 0."""
     kind, _, of = number["quantity"].partition(":")
     name = f"the rope over {of}" if kind.startswith("clearance_rope") else of
     who, _, what = name.partition(" over ")
@@ -325,7 +343,7 @@ def _collision_text(number: Row) -> str:
 
 
 def no_rest_refusal(rest: LineRest) -> store.Refused:
-    """The refusal of a line without any position at rest."""
+    """The exception for a line without any position at rest, which says what tension would do."""
     needed = rest.needed_tension(catenary_line.solve)
     return store.Refused(f"{rest.line.name}: no position has a rest; at the first {rest.positions[0]}{needed}")
 

@@ -104,8 +104,9 @@ def answer_and_report_lines(
     command: str, points: Sequence[GridPoint], out: Path | None, solve: Solve, require: bool = False,
     at_rest: bool = False,
 ) -> int:  # fmt: skip
-    """Answer a line or a grid, store, draw and print it.  at_rest : answers of lines in motion are states of rest.
+    """Answer a line or a grid, store, draw and print it; return the exit code.
 
+    at_rest : answers of lines in motion are states of rest.
     1 where solvers or files do not agree, or a required limit fails; 2 where a run broke or a position has no rest.
     """
     line: Line = points[0].scene
@@ -122,13 +123,14 @@ def answer_and_report_lines(
 
 
 def _folder_name(command: str, moves: bool) -> str:
-    """Name of the folder of a line's files."""
+    """Name of the folder of a line's files; moves : its answer is a motion."""
     if moves:
         return f"motion-{command}"
     return "rest-check" if command == "check" else "rest"
 
 
 def _answer_one_line(command: str, line: Line, moves: bool, out: Path | None, solve: Solve) -> Row:
+    """Solve a line, write, draw and print its answer, and read it back; return its row with the number of faults."""
     from validation.core.readback import line_terminal_faults  # slow to import
 
     home = _folder_name(command, moves)

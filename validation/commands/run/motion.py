@@ -16,7 +16,7 @@ from cablefem.elements.system import LineElements
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, join_motions_in_time
 from cablefem.newmark import State, StepFailure, Work, integrate_blocks, scheme
 from cablefem.response import Array, write_csv, write_json, write_text
-from cablefem.scene.contacts import MovingLine
+from cablefem.scene.contacts import Car, MovingLine
 from cablefem.scene.line import Line, LineState
 from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
@@ -51,7 +51,7 @@ PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"
 
 
 @dataclass(frozen=True, slots=True)
-class Method:
+class LineMethod:
     """A solver of lines in motion: its system with a resolution, and the coarsest one."""
 
     name: str
@@ -61,8 +61,8 @@ class Method:
     system: Callable[[MovingLine, int], Any]
 
 
-ELEMENTS = Method("elements", "elements", 2, 0.6, lambda line, n: LineElements(line, elements=n, degree=4))
-SINES = Method("sines", "terms", 3, 0.9, lambda line, n: LineSines(line, n))
+ELEMENTS = LineMethod("elements", "elements", 2, 0.6, lambda line, n: LineElements(line, elements=n, degree=4))
+SINES = LineMethod("sines", "terms", 3, 0.9, lambda line, n: LineSines(line, n))
 
 
 def shortest_time_on_rail(system: Any, state: State) -> float:
@@ -73,7 +73,7 @@ def shortest_time_on_rail(system: Any, state: State) -> float:
 
 
 def shoe_pull_down_sentences(line: Line, motion: LineMotion) -> list[str]:
-    """Where a shoe would have to pull a car down, and what would do without.
+    """Where a shoe would have to pull a car down, and which speed or length of the shoe would do without.
 
     The share of its force that the turn of the path takes grows with the speed squared, and falls with the length.
     """
@@ -120,47 +120,82 @@ def events_without_rattling(
 
     Waves in an undamped rope rattle a car that friction holds by 1e-5 m, at times that do not converge.
     """
-    dropped = set[int]()
+    rattling = set[int]()
     for car in line.cars:
-        stops = f"{car.name} stops"
-        own = [i for i, (name, _) in enumerate(events) if name in (stops, f"{car.name} breaks loose")]
-        s = next(moved for moved in motion.cars if moved.name == car.name).s
-        places = [*np.interp([events[i][1] for i in own], motion.t, s).tolist(), float(s[-1])]
-        rest = float(s[0])
-        rested = False
-        for n, i in enumerate(own):
-            arrives = events[i][0] == stops
-            there = places[n] if arrives else places[n + 1]  # of a car that breaks loose where it comes to next
-            moves = abs(there - rest) > car.drive.rest_distance
-            ends = not rested and i == len(events) - 1
-            if arrives and (moves or ends):
-                rest = there
-                rested = True
-            elif arrives or not (moves and rested):
-                dropped.add(i)
-    return tuple(event for i, event in enumerate(events) if i not in dropped)
+        rattling |= _rattling_events(events, car, motion)
+    return tuple(event for i, event in enumerate(events) if i not in rattling)
+
+
+def _rattling_events(events: Sequence[tuple[str, float]], car: Car, motion: LineMotion) -> set[int]:
+    """Indices of the events of one car that leave it within `rest_distance` of where it came to rest."""
+    s = next(moved for moved in motion.cars if moved.name == car.name).s
+    rattling = set[int]()
+    rest = float(s[0])
+    rested = False
+    for i, arrives, there in _stops_and_starts(events, car.name, motion.t, s):
+        moves = abs(there - rest) > car.drive.rest_distance
+        ends = not rested and i == len(events) - 1
+        lasts = moves or ends if arrives else moves and rested
+        if not lasts:
+            rattling.add(i)
+        elif arrives:
+            rest = there
+            rested = True
+    return rattling
+
+
+def _stops_and_starts(
+    events: Sequence[tuple[str, float]], name: str, t: Array, s: Array
+) -> Iterator[tuple[int, bool, float]]:
+    """Index of each event at which a car stops or breaks loose, whether it stops, and s there, or where it stops next.
+
+    t, s : times and positions of the car (n,).
+    """
+    stops = f"{name} stops"
+    own = [i for i, (event, _) in enumerate(events) if event in (stops, f"{name} breaks loose")]
+    positions = [*np.interp([events[i][1] for i in own], t, s).tolist(), float(s[-1])]
+    for n, i in enumerate(own):
+        arrives = events[i][0] == stops
+        yield i, arrives, positions[n] if arrives else positions[n + 1]
 
 
 def coarser_factors(space: int, time: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Half and quarter of a run's resolution, and of its steps."""
+    """Factors in space and time of the coarser runs: half and quarter of the resolution, and of the steps."""
     in_space = [(space // k, time) for k in (2, 4) if space >= k]
     in_time = [(space, time // k) for k in (2, 4) if time >= k]
     return in_space, in_time
 
 
 def run_ladders(solvers: Sequence[LineRuns], space: int, time: int, report: Progress) -> None:
-    """Make the runs of the ladders of several solvers in parallel, the finest first."""
+    """Make the runs of the ladders of several solvers in parallel, the finest first, and store them in the solvers."""
     in_space, in_time = coarser_factors(space, time)
-    settings = [(space, time), *in_time, *in_space]
-    missing = [(solver, x) for x in settings for solver in reversed(solvers) if x not in solver.known]
+    factors = [(space, time), *in_time, *in_space]
+    missing = [(solver, x) for x in factors for solver in reversed(solvers) if x not in solver.known]
 
-    def keep(i: int, moved: LineRun) -> None:
-        solver, at = missing[i]
-        solver.known[at] = moved
-        done = sum(setting in of.known for of, setting in missing)
+    def store_run(i: int, run: LineRun) -> None:
+        solver, x = missing[i]
+        solver.known[x] = run
+        done = sum(x in solver.known for solver, x in missing)
         report(done / len(missing), f"{done} of {len(missing)} runs")
 
-    map_in_parallel(lambda item: item[0].run(*item[1]), missing, keep)
+    map_in_parallel(lambda item: item[0].run(*item[1]), missing, store_run)
+
+
+def append_marched_states(states: list[State], system: Any, steps: list[Array], work: Work) -> None:
+    """March a system on from the last state, or from its start, up to an event that ends it; append its states.
+
+    Where forces jump, the states before and after the jump are appended.
+    """
+    noted = len(work.events)
+    start = states[-1] if states else None
+    for group in integrate_blocks(system, scheme("radau"), steps, work=work, start=start):
+        if len(work.events) > noted and work.after_event is not None:
+            states.append(work.after_event)
+        noted = len(work.events)
+        for x in group:
+            if states and x.phase > states[-1].phase:
+                states.append(system.start(x.phase, states[-1]))
+            states.append(x)
 
 
 class SystemMarch(NamedTuple):
@@ -174,7 +209,7 @@ class SystemMarch(NamedTuple):
 class LineRuns:
     """Runs of one method on a line, each made once."""
 
-    def __init__(self, method: Method, line: Line, like: LineRuns | None = None, coarser: float = 1.0) -> None:
+    def __init__(self, method: LineMethod, line: Line, like: LineRuns | None = None, coarser: float = 1.0) -> None:
         """like : runs to be compared with, at whose instants these step, too.
 
         coarser : times in space and time than what a car that pitches needs.
@@ -208,7 +243,7 @@ class LineRuns:
         return self.instants[(self.instants >= t0) & (self.instants <= t1)]
 
     def run(self, space: int, time: int) -> LineRun:
-        """The run with `space` times the coarsest resolution and `time` times the fewest steps."""
+        """The run with `space` times the coarsest resolution and `time` times the fewest steps, made once."""
         if (space, time) not in self.known:
             self.known[space, time] = self._compute_run(space, time)
         return self.known[space, time]
@@ -224,6 +259,7 @@ class LineRuns:
         return Ladder(finest, *branches)
 
     def _compute_run(self, space: int, time: int) -> LineRun:
+        """March from system to system, a new one wherever a car comes to other contacts."""
         n = space * self.coarsest
         system = self.method.system(self.line, n)
         n_dof = system.n_dof
@@ -255,18 +291,10 @@ class LineRuns:
         )  # fmt: skip
 
     def _march_one_system(self, system: Any, start: State | None, steps: list[Array], work: Work) -> SystemMarch:
-        """The run of one system from a state on; Refused where it does not begin."""
+        """The run of one system from a state on, or from its start; Refused where it does not begin."""
         states: list[State] = [] if start is None else [start]
-        noted = len(work.events)
         try:
-            for group in integrate_blocks(system, scheme("radau"), steps, work=work, start=start):
-                if len(work.events) > noted and work.after_event is not None:  # forces jump there, too
-                    states.append(work.after_event)
-                noted = len(work.events)
-                for x in group:
-                    if states and x.phase > states[-1].phase:  # forces may jump: the state after the jump, too
-                        states.append(system.start(x.phase, states[-1]))
-                    states.append(x)
+            append_marched_states(states, system, steps, work)
             following = None
             if work.events and states[-1].t < self.line.t_end:
                 following = system.system_after(work.events[-1].name, states[-1])
@@ -309,37 +337,42 @@ class MotionAnswers(LineAnswers):
     def outcome(self) -> Outcome:
         """Kinds: incomplete, breaks, collides, ends, arrives; the first that holds."""
         parts = []
-        doubts = [
-            *shoe_pull_down_sentences(self.line, self.motion),
-            *faster_than_waves_sentences(self.line, self.motion),
-        ]
         if self.moved.reason is not None:
             parts.append(Outcome("incomplete", f"the run broke: {self.moved.reason}"))
-        judged = [d for d in self.design if d["quantity"].startswith(("safety_factor", "clearance"))]
-        # first whether the rope breaks, then what is hit, the deepest first
-        for d in sorted(judged, key=lambda d: (d["quantity"].startswith("clearance"), d["value"])):
-            kind, _, of = d["quantity"].partition(":")
-            limit = TOUCHES if kind.startswith("clearance") else 1.0
-            bar = d["bar"] or 0.0
-            if d["value"] + bar < limit:
-                parts.append(self._break_or_collision(of, d["value"]))
-            elif d["value"] - bar < limit:
-                body, _, over = of.rpartition(" over ")
-                what = f"{body or 'the rope'} clears {over}" if of else "the rope breaks"
-                doubts.append(f"too close to tell whether {what}")
-        parts += self._end_outcomes()
-        sentences = [*doubts, *(part.sentence for part in parts)]
+        failures, too_close = self._failures_and_doubts()
+        parts += [*failures, *self._end_outcomes()]
+        sentences = [
+            *shoe_pull_down_sentences(self.line, self.motion), *faster_than_waves_sentences(self.line, self.motion),
+            *too_close, *(part.sentence for part in parts),
+        ]  # fmt: skip
         largest = self.tension_max
         sentences.append(f"largest tension {largest['value'] / 1e3:.1f} kN at {largest['t']:.1f} s")
         return Outcome(parts[0].kind, "; ".join(sentences))
 
-    def _break_or_collision(self, of: str, value: float) -> Outcome:
-        """That the rope breaks, or by the clearance `value` [m] of what something is hit."""
-        if not of:
+    def _failures_and_doubts(self) -> tuple[list[Outcome], list[str]]:
+        """Whether the rope breaks and what is hit, the deepest first; and sentences on what is too close to tell."""
+        failures = []
+        doubts = []
+        judged = [d for d in self.design if d["quantity"].startswith(("safety_factor", "clearance"))]
+        for d in sorted(judged, key=lambda d: (d["quantity"].startswith("clearance"), d["value"])):
+            kind, _, who_over_what = d["quantity"].partition(":")
+            limit = TOUCHES if kind.startswith("clearance") else 1.0
+            bar = d["bar"] or 0.0
+            if d["value"] + bar < limit:
+                failures.append(self._break_or_collision(who_over_what, d["value"]))
+            elif d["value"] - bar < limit:
+                body, _, obstacle = who_over_what.rpartition(" over ")
+                what = f"{body or 'the rope'} clears {obstacle}" if who_over_what else "the rope breaks"
+                doubts.append(f"too close to tell whether {what}")
+        return failures, doubts
+
+    def _break_or_collision(self, who_over_what: str, clearance: float) -> Outcome:
+        """That a car hits an obstacle, by a clearance [m] below 0, or the rope does; that the rope breaks for ""."""
+        if not who_over_what:
             strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
             return Outcome("breaks", f"the rope is loaded beyond its breaking load of {strength}")
-        body, _, over = of.rpartition(" over ")
-        return Outcome("collides", f"would collide: {body or 'the rope'} hits {over} by {-value:.2f} m")
+        body, _, obstacle = who_over_what.rpartition(" over ")
+        return Outcome("collides", f"would collide: {body or 'the rope'} hits {obstacle} by {-clearance:.2f} m")
 
     def _end_outcomes(self) -> list[Outcome]:
         """How the run ends; nothing of one that broke."""
@@ -382,9 +415,25 @@ class MotionAnswers(LineAnswers):
 
     def write(self, folder: Path, seconds: float) -> None:
         """Write path-NAME.csv, contacts.csv, profile.csv, rope.csv, summary.json and scene.toml."""
-        line = self.line
+        self._write_paths(folder)
+        self._write_contacts(folder)
+        self._write_profile(folder)
+        self._write_rope(folder)
+        write_text(folder / "scene.toml", self.line.to_toml())
+        moved = self.moved
+        write_json(folder / "summary.json", store.nulls_for_nonfinite({
+            "scene": self.line.name, "title": self.line.title, "method": moved.method, "settings": moved.settings,
+            "status": self.status, "reason": moved.reason, "outcome": self.outcome.sentence,
+            "outcome_kind": self.outcome.kind, "events": [{"event": name, "t": t} for name, t in moved.events],
+            "design": self.design, "limits": self.limits,
+            "round_trip": moved.period, "n_dof": moved.n_dof, "steps": moved.steps,
+            "seconds": seconds,
+        }))  # fmt: skip
+
+    def _write_paths(self, folder: Path) -> None:
+        """Write path-NAME.csv of each car."""
         motion = self.motion
-        thermal_stretch = 1.0 + line.cable.thermal_strain
+        thermal_stretch = 1.0 + self.line.cable.thermal_strain
         for car in motion.cars:
             w = car.point - empty_rope_points(self.empty, car.s / thermal_stretch)
             speed = np.hypot(*car.velocity.T)
@@ -394,18 +443,27 @@ class MotionAnswers(LineAnswers):
                 car.contact_force, *more.values(),
             )  # fmt: skip
             write_csv(folder / f"path-{car.name}.csv", ",".join([PATH, *more]), np.stack(columns, axis=1))
+
+    def _write_contacts(self, folder: Path) -> None:
         header = ["t"]
-        values = [motion.t]
-        for x in motion.contacts:
+        values = [self.t]
+        for x in self.contacts:
             header += [f"{x.name}.{name}" for name in ("s", "tension", "pressure", "rise")]
             values += [x.s, contact_tension(x), np.hypot(*x.pressure.T), x.rise]
         write_csv(folder / "contacts.csv", ",".join(header), np.stack(values, axis=1))
-        places = np.linspace(0.0, line.contact[-1].at[0], STATIONS)
-        depths = rope_depths(rope_points(motion), places)  # (n, STATIONS)
-        rest = catenary_line.depth_and_tension(self.empty, places)[0]
-        profile = np.stack([places, rest, depths.min(axis=0), depths.max(axis=0)], axis=1)
+
+    def _write_profile(self, folder: Path) -> None:
+        """Write profile.csv: over x the empty rope, and the extremes of depth over all time."""
+        x = np.linspace(0.0, self.line.contact[-1].at[0], STATIONS)
+        depths = rope_depths(rope_points(self.motion), x)  # (n, STATIONS)
+        rest = catenary_line.depth_and_tension(self.empty, x)[0]
+        profile = np.stack([x, rest, depths.min(axis=0), depths.max(axis=0)], axis=1)
         write_csv(folder / "profile.csv", "x,y_rest,y_highest,y_lowest", profile)
-        count = 101  # frames of rope.csv, at most, which has every second station
+
+    def _write_rope(self, folder: Path) -> None:
+        """Write rope.csv: points and tension of every second station in some frames."""
+        motion = self.motion
+        count = 101  # frames, at most
         frames = np.unique(np.searchsorted(motion.t, np.linspace(motion.t[0], motion.t[-1], count)))
         shown = slice(None, None, 2)  # stations
         shape = frames.size, motion.s[shown].size
@@ -413,16 +471,6 @@ class MotionAnswers(LineAnswers):
         s = np.broadcast_to(motion.s[shown], shape)
         rope = np.stack([t, s, *np.moveaxis(motion.points[frames, shown], 2, 0), motion.tension[frames, shown]], axis=2)
         write_csv(folder / "rope.csv", "t,s,x,y,T", rope.reshape(-1, 5))
-        write_text(folder / "scene.toml", line.to_toml())
-        moved = self.moved
-        write_json(folder / "summary.json", store.nulls_for_nonfinite({
-            "scene": line.name, "title": line.title, "method": moved.method, "settings": moved.settings,
-            "status": self.status, "reason": moved.reason, "outcome": self.outcome.sentence,
-            "outcome_kind": self.outcome.kind, "events": [{"event": name, "t": t} for name, t in moved.events],
-            "design": self.design, "limits": self.limits,
-            "round_trip": moved.period, "n_dof": moved.n_dof, "steps": moved.steps,
-            "seconds": seconds,
-        }))  # fmt: skip
 
     def in_words(self, row: Agreement) -> str:
         """What a row compares."""
@@ -457,6 +505,7 @@ def answer_line(line: Line, *, report: Progress = no_progress) -> MotionAnswers:
 
 
 def motion_answers(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agreement] = ()) -> MotionAnswers:
+    """The answers of ladder a with bars from its coarser runs; b : the other method's ladder, if there is one."""
     finest: Any = a.finest
     other: Any = None if b is None else b.finest
     design = design_with_bars(a, b, line, motion_unit)
@@ -465,7 +514,7 @@ def motion_answers(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agree
 
 
 def largest_car_deflection(line: Line, empty: LineState, motion: LineMotion) -> float:
-    """Of a car from the empty rope [m]; 1 without cars."""
+    """Largest distance of a car from its point of the empty rope [m]; 1 without cars."""
     thermal_stretch = 1.0 + line.cable.thermal_strain
     away = [car.point - empty_rope_points(empty, car.s / thermal_stretch) for car in motion.cars]
     return max((float(np.hypot(*w.T).max()) for w in away), default=1.0)

@@ -27,7 +27,7 @@ def answer_line_quasi_statically(line: Line) -> RestAnswers:
 
 
 def line_at_timetable_positions(line: Line) -> Line:
-    """The line with its cars at rest where their timetables have them; Refused for a car that rolls freely."""
+    """A line at rest whose positions are those of the timetables at many times; Refused for a car that rolls freely."""
     for car in line.car:
         if car.mode == "free":
             where = "where it is follows from the motion; must be hauled or grip for --model quasi-static"
@@ -35,23 +35,22 @@ def line_at_timetable_positions(line: Line) -> Line:
     moving = line_in_motion(line, catenary_line.solve)
     positions = _timetable_positions_by_car(moving)
     thermal_stretch = 1.0 + line.cable.thermal_strain
-    along = {
-        car.name: positions[car.name] / thermal_stretch for car in moving.cars if car.along == "s"
-    }  # s by car (n,)
+    # s by car (n,)
+    s_by_car = {car.name: positions[car.name] / thermal_stretch for car in moving.cars if car.along == "s"}
     empty = line.empty(catenary_line.solve)
-    x = positions | {name: np.interp(s, empty.s, empty.points[:, 0]) for name, s in along.items()}
+    x = positions | {name: np.interp(s, empty.s, empty.points[:, 0]) for name, s in s_by_car.items()}
     exact = 1e-6  # [m] from where a car is to where its timetable has it
-    for _ in range(30 if along else 0):
-        missing = _x_shifts_to_reach_s(_at_rest_with_cars_at(line, x), along)
-        if max(float(np.abs(shift).max()) for shift in missing.values()) < exact:
+    for _ in range(30 if s_by_car else 0):
+        shifts = _x_shifts_to_reach_s(_at_rest_with_cars_at(line, x), s_by_car)
+        if max(float(np.abs(shift).max()) for shift in shifts.values()) < exact:
             break
-        for name, shift in missing.items():
+        for name, shift in shifts.items():
             x[name] = x[name] + shift
     return _at_rest_with_cars_at(line, x)
 
 
 def _timetable_positions_by_car(moving: MovingLine) -> dict[str, Array]:
-    """Prescribed positions (n,) [m], without instants at which all cars stand."""
+    """Prescribed positions (n,) [m] along each car's axis, without instants at which all cars stand."""
     ends = [end for _, end in moving.phases]
     count = 81  # instants of the timetables
     t = np.linspace(0.0, moving.t_end, count)
@@ -65,27 +64,28 @@ def _timetable_positions_by_car(moving: MovingLine) -> dict[str, Array]:
     return dict(zip([car.name for car in moving.cars], positions[:, moves], strict=True))
 
 
-def _at_rest_with_cars_at(line: Line, x: dict[str, Array]) -> Line:
+def _at_rest_with_cars_at(line: Line, x_by_car: dict[str, Array]) -> Line:
+    """The line at rest with its cars as points at x (n,) [m]."""
     data = tomllib.loads(line.to_toml())
     for car, table in zip(line.car, data["car"], strict=True):
         for name in ("travel", "drive", "hanger", "wheels"):
             table.pop(name, None)
-        table |= {"hauled": car.mode == "haul", "at": x[car.name].tolist()}
+        table |= {"hauled": car.mode == "haul", "at": x_by_car[car.name].tolist()}
     return Line(**data)
 
 
-def _x_shifts_to_reach_s(at_rest: Line, along: dict[str, Array]) -> dict[str, Array]:
-    """How much farther in x (n,) [m] each car must be for s (n,) of `along`; none where there is no rest."""
-    missing = {name: np.zeros(s.size) for name, s in along.items()}
+def _x_shifts_to_reach_s(at_rest: Line, s_by_car: dict[str, Array]) -> dict[str, Array]:
+    """How much farther in x (n,) [m] each car must be for its s (n,) [m]; 0 where there is no rest."""
+    shifts = {name: np.zeros(s.size) for name, s in s_by_car.items()}
     for i, state in at_rest.rest(catenary_line.solve).states.items():
-        for name, s in along.items():
-            missing[name][i] = _x_shift_to_s(state, name, float(s[i]))
-    return missing
+        for name, s in s_by_car.items():
+            shifts[name][i] = _x_shift_to_s(state, name, float(s[i]))
+    return shifts
 
 
-def _x_shift_to_s(state: LineState, name: str, s: float) -> float:
+def _x_shift_to_s(state: LineState, car_name: str, s: float) -> float:
     """Distance in x [m] along the tangent ahead of a car from where it is to s."""
-    k = [station.name for station in state.case.stations].index(name)
+    k = [station.name for station in state.case.stations].index(car_name)
     level, down = state.ahead[k].tolist()
     N = float(np.hypot(level, down))
     return state.case.thermal_stretch * (s - float(state.s[k])) * level * (1.0 / N + 1.0 / state.case.EA)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from cablefem.response import LazyValue, Response
 from cablefem.scene import Scene
@@ -25,7 +25,14 @@ from validation.page.answer import many as table
 from validation.page.options import GridPoint
 
 
-def run_and_answer(
+class Ride(NamedTuple):
+    """A run with its design numbers, and why the tolerance is out of reach, else ""."""
+
+    response: Response
+    missed_tolerance: str = ""
+
+
+def ride_with_design_numbers(
     scene: Scene,
     method: Method | None,
     *,
@@ -33,18 +40,16 @@ def run_and_answer(
     bars: bool,
     progress: Callable[..., None],
     **options: Any,
-) -> tuple[Response, str]:
+) -> Ride:
     """Run a method with the settings in `options`, or with those that its bar needs to meet `tol`.
 
-    Returns the response with its design numbers, and why the tolerance is out of reach, else "".
     Without a method: the quasi-static ride.
     """
     if method is None:
-        return rechecked_quasi_static_ride(scene), ""
+        return Ride(rechecked_quasi_static_ride(scene))
     if tol is None:
-        return _with_lazy_design_numbers(
-            scene, run(scene, method, **options, progress=progress), method, bars, options
-        ), ""
+        r = run(scene, method, **options, progress=progress)
+        return Ride(_with_lazy_design_numbers(scene, r, method, bars, options))
     missed = ""
     try:
         ladder = refine_to_tolerance(scene, method, tol, **options, progress=progress)
@@ -53,7 +58,7 @@ def run_and_answer(
     except TooCoarse as error:
         ladder = error.ladder
         missed = str(error)
-    return replace(ladder.finest, design=design_numbers(ladder), events=events_with_bars(ladder)), missed
+    return Ride(replace(ladder.finest, design=design_numbers(ladder), events=events_with_bars(ladder)), missed)
 
 
 def _with_lazy_design_numbers(
@@ -105,45 +110,48 @@ def run_with_bars(
     if refused := run_faults(scene, find_method(method), options, settings, tol):
         raise ValueError("\n".join(refused))
     how = {"frames": frames, "until": until, **options, **settings}
-    return run_and_answer(scene, find_method(method), tol=tol, bars=bars, progress=no_progress, **how)[0]
+    ride = ride_with_design_numbers(scene, find_method(method), tol=tol, bars=bars, progress=no_progress, **how)
+    return ride.response
 
 
 def run_faults(
     scene: Scene, method: Method, options: dict[str, Any], settings: dict[str, Any], tol: float | None
 ) -> list[str]:  # fmt: skip
-    """Why a method does not run a scene so: model, load and law (`options`), its settings, the path's tolerance."""
-    found = [
+    """Sentences: why a method cannot run a scene with a model, load and law (`options`), settings and tolerance."""
+    faults = [
         f"{name} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[name])}"
         for name, given in options.items() if given not in CHOICES[name] or given == QUASI_STATIC
     ]  # fmt: skip
     if tol is not None:
-        found += range_faults("tol", tol, TOL_LOW, TOL_HIGH)
+        faults += range_faults("tol", tol, TOL_LOW, TOL_HIGH)
         if method.wrong:
-            found.append(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
+            faults.append(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
         chosen = method.resolution.setting, "steps"
-        found += [
+        faults += [
             f"{key} and tol exclude each other: tol chooses {' and '.join(chosen)}" for key in settings if key in chosen
         ]
     try:
         method.complete_settings(settings)
-        if not found:
+        if not faults:
             Run(scene, method, **options, **settings)
     except ValueError as error:
-        found += str(error).splitlines()
-    return found
+        faults += str(error).splitlines()
+    return faults
 
 
 def answer_grid(
-    scene: Scene, points: Sequence[GridPoint], solve: Callable[..., tuple[Response, str]], out: Path | None,
-    require: bool = False,
-) -> int:  # fmt: skip
-    """Answer every point of a grid; 2 where a run broke, 1 where limits are required and one fails."""
+    scene: Scene, points: Sequence[GridPoint], ride_at: Callable[..., Ride], out: Path | None, require_limits: bool
+) -> int:
+    """Answer every point of a grid and store its table; return the exit code.
+
+    2 where a run broke, 1 where limits are required and one fails.
+    """
 
     def row_and_path(point: GridPoint) -> tuple[table.Row, Any]:
-        found = solve(point, no_progress)[0]
-        return table.answer_row(point.scene, found), table.sparse_path_columns(found)
+        r = ride_at(point, no_progress).response
+        return table.answer_row(point.scene, r), table.sparse_path_columns(r)
 
     rows = table.answer_and_store_grid("run", "grid", scene, points, out, row_and_path, table.run_table_columns)
     if any(x["outcome_kind"] == "incomplete" for x in rows):
         return 2
-    return int(require and limits.columns_fail(rows))
+    return int(require_limits and limits.columns_fail(rows))

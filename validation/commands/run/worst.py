@@ -1,4 +1,4 @@
-"""Places of a car at rest where numbers are extreme, by exact statics."""
+"""Positions of a car at rest where numbers are extreme, by exact statics."""
 
 import itertools
 import math
@@ -13,26 +13,26 @@ from validation.commands.run.lines import Row
 
 
 def with_extreme_car_positions(line: Line) -> Line:
-    """The line with its car, if it has no `at`, over each span and at every place where a number is extreme."""
+    """The line with its car over each span and at every position where a number is extreme, if it has no `at`."""
     car = next((car for car in line.car if car.at is None), None)
     if car is None:
         return line
     positions = _NumbersByCarPosition(line, f"car.{car.name}.at")
     first = sorted(set(_positions_to_try_first(line)))
-    positions.solve(first)
+    positions.solve_at(first)
     for _ in range(6):  # of parabolas, at most
         vertices = positions.untried_parabola_vertices()
         if not vertices:
             break
-        positions.solve(vertices)
+        positions.solve_at(vertices)
     return positions.line_at([*first, *positions.positions_of_extreme_numbers()])
 
 
 def _positions_to_try_first(line: Line) -> Iterator[float]:
-    """Places over each span, the middles of shoes, obstacles and corners of the ground."""
+    """Positions over each span, the middles of shoes, obstacles and corners of the ground."""
     low = 0.0
     high = line.contact[-1].at[0]
-    count = 17  # places in each span that are looked at first
+    count = 17  # positions in each span that are tried first
     near = 1e-3  # of a span: closest to an end of the rope
     for left, right in itertools.pairwise(line.contact):
         a = left.at[0]
@@ -47,7 +47,7 @@ def _positions_to_try_first(line: Line) -> Iterator[float]:
 
 
 class _NumbersByCarPosition:
-    """Numbers of a line by place of its car; a place without rest has none."""
+    """Numbers of a line by position of its car; a position without rest has none."""
 
     def __init__(self, line: Line, key: str) -> None:
         self.line = line
@@ -57,13 +57,14 @@ class _NumbersByCarPosition:
     def line_at(self, positions: list[float]) -> Line:
         return self.line.replace({self.key: sorted(set(positions))})
 
-    def solve(self, positions: list[float]) -> None:
+    def solve_at(self, positions: list[float]) -> None:
+        """Compute and store the numbers at these positions."""
         rest = self.line_at(positions).rest(catenary_line.solve)
         for x, row in zip(sorted(set(positions)), numbers_by_position(rest), strict=True):
             self.rows[x] = row or {}
 
     def _curves_with_extreme_index(self) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
-        """Places and values (n,) of each number, and the index of its largest and of its smallest."""
+        """Yield positions and values (n,) of each number with the index of its largest, and again with its smallest."""
         x = np.array(sorted(self.rows))
         names = {name for row in self.rows.values() for name, value in row.items() if isinstance(value, float)}
         for name in sorted(names):
@@ -78,7 +79,7 @@ class _NumbersByCarPosition:
     def untried_parabola_vertices(self) -> list[float]:
         """Vertices of parabolas through each extreme and its neighbours, where nothing was solved yet."""
         out: list[float] = []
-        same = 1e-6  # of the line: places that are one
+        same = 1e-6  # of the line: positions that are one
         for x, y, k in self._curves_with_extreme_index():
             if not 0 < k < x.size - 1 or not np.isfinite(y[k - 1 : k + 2]).all():
                 continue
