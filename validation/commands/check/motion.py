@@ -87,7 +87,7 @@ def check_line(
     both = first, LineRuns(SINES, second or line, first)
     space = 2
     time = 2
-    finest = 32  # times the coarsest resolution and steps together, before a comparison stays too coarse
+    finest = 64  # times the coarsest resolution and steps together, before a comparison stays too coarse
     before = None
     while True:
         run_ladders(both, space, time, report)
