@@ -57,18 +57,18 @@ _LINE = {
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return accepting_names(_import_name(_HOME[name], name))
+    return accepting_scene_names(_import_from_validation(_HOME[name], name))
 
 
-def _import_name(home: str, name: str) -> Any:
-    return getattr(importlib.import_module(f"validation.{home}"), name)
+def _import_from_validation(module: str, name: str) -> Any:
+    return getattr(importlib.import_module(f"validation.{module}"), name)
 
 
 P = ParamSpec("P")
 Result = TypeVar("Result")
 
 
-def accepting_names(function: Callable[Concatenate[Any, P], Result]) -> Callable[Concatenate[Any, P], Result]:
+def accepting_scene_names(function: Callable[Concatenate[Any, P], Result]) -> Callable[Concatenate[Any, P], Result]:
     """Let a function of a scene, or of a study, take its name or file, too; a line where it computes lines.
 
     SceneError for another line, TypeError for what is meant for one span.
@@ -85,10 +85,10 @@ def accepting_names(function: Callable[Concatenate[Any, P], Result]) -> Callable
         from cablefem.scene.short import load_line_or_none
 
         if isinstance(of, str | Path):
-            kind = Scene if first == "scene" else _import_name("commands.sweep.study", "Study")
+            kind = Scene if first == "scene" else _import_from_validation("commands.sweep.study", "Study")
             of = (function.__name__ in _LINE and load_line_or_none(of)) or kind.load(of)
         if isinstance(of, Line):
-            return cast(Result, _solver_of_line(function.__name__, of, args, kwargs)(of, *args, **kwargs))
+            return cast(Result, _line_counterpart(function.__name__, of, args, kwargs)(of, *args, **kwargs))
         if first == "scene" and not isinstance(of, Scene):
             raise TypeError(f"scene must be a Scene, its name or its file, got {of!r}")
         return function(of, *args, **kwargs)
@@ -96,15 +96,17 @@ def accepting_names(function: Callable[Concatenate[Any, P], Result]) -> Callable
     return with_name
 
 
-def _solver_of_line(name: str, line: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> Callable[..., Any]:
-    """What computes a line in place of the function `name`; its arguments must fit."""
+def _line_counterpart(
+    function_name: str, line: Any, args: tuple[Any, ...], kwargs: dict[str, Any]
+) -> Callable[..., Any]:
+    """What computes a line in place of this function; its arguments must fit."""
     from cablefem.scene import SceneError
     from cablefem.scene.described import OF_ONE_SPAN
 
-    if name not in _LINE:
+    if function_name not in _LINE:
         raise SceneError([OF_ONE_SPAN])
-    home, of_line = _LINE[name]
-    solve: Callable[..., Any] = _import_name(home.format("motion" if line.moves else "line"), of_line)
+    home, of_line = _LINE[function_name]
+    solve: Callable[..., Any] = _import_from_validation(home.format("motion" if line.moves else "line"), of_line)
     taken = inspect.signature(solve)
     try:
         taken.bind(line, *args, **kwargs)
@@ -115,10 +117,10 @@ def _solver_of_line(name: str, line: Any, args: tuple[Any, ...], kwargs: dict[st
 
 
 if TYPE_CHECKING:
-    quasi_static = accepting_names(_quasi_static)
-    run = accepting_names(_run)
-    run_with_bars = accepting_names(_run_with_bars)
-    sweep = accepting_names(_sweep)
+    quasi_static = accepting_scene_names(_quasi_static)
+    run = accepting_scene_names(_run)
+    run_with_bars = accepting_scene_names(_run_with_bars)
+    sweep = accepting_scene_names(_sweep)
 
 
 def command_names() -> list[str]:

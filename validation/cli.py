@@ -32,14 +32,14 @@ def _build_app() -> typer.Typer:
         epilog="Start with: cablefem check level",
         invoke_without_command=True,
     )
-    app.callback()(_version_option)
+    app.callback()(_print_version)
     parts = {name: importlib.import_module(f"validation.commands.{name}.command") for name in command_names()}
     for name in sorted(parts, key=lambda name: ORDER.index(name) if name in ORDER else len(ORDER)):
         app.command(name, epilog=f"Example: {parts[name].EXAMPLE}")(parts[name].command)
     return app
 
 
-def _version_option(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+def _print_version(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
     if version:
         from cablefem import __version__
 

@@ -27,7 +27,7 @@ cf.run("level")
 """
 
 
-def compile_functions(root: Path, copy: Path) -> list[Path]:
+def compile_functions_in_copy(root: Path, copy: Path) -> list[Path]:
     """Copy the packages of a root, run them, and return the files of compiled functions, all below the copy."""
     for package in PACKAGES:
         shutil.copytree(root / package, copy / package, ignore=shutil.ignore_patterns("__pycache__", "shipped"))
@@ -48,7 +48,7 @@ class KernelsHook(BuildHookInterface):
             return
         self.copy = tempfile.mkdtemp()
         copy = Path(self.copy)
-        for path in compile_functions(Path(self.root), copy):
+        for path in compile_functions_in_copy(Path(self.root), copy):
             source = path.parent.parent.relative_to(copy)  # of its __pycache__
             build_data["force_include"][str(path)] = str(source / "shipped" / path.name)
         build_data["pure_python"] = False

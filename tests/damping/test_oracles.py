@@ -34,7 +34,7 @@ def test_a_force_presses_a_long_damped_string_to_a_steady_depth():
 def test_damped_modes_satisfy_the_complex_equation():
     """tan(k/2) = k/2 - (4/L^2) (k/2)^3 with k^2 = w^2 - i w c, or k = 2 n pi."""
     L2 = irvine.irvine_parameter(BARE.sigma, BARE.alpha)
-    found = damped_string.damped_frequencies(irvine.frequencies(L2, 4), 0.1)
+    found = damped_string.damped_frequencies(irvine.lowest_frequencies(L2, 4), 0.1)
     assert found[0] == pytest.approx(5.34955550 + 0.05j, abs=1e-5)
     half = 0.5 * np.sqrt(found**2 - 0.1j * found)
     assert np.abs(np.tan(half[[0, 2]]) - half[[0, 2]] + 4.0 / L2 * half[[0, 2]] ** 3).max() < 1e-9

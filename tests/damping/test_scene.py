@@ -18,7 +18,7 @@ def test_a_ratio_is_of_the_lowest_frequency(name):
     g = scene.groups
     L2 = irvine.irvine_parameter(g.sigma, g.alpha, g.chord_cos)
     assert scene.irvine == pytest.approx(L2, rel=1e-13)
-    lowest = float(irvine.frequencies(L2, 1)[0]) / math.sqrt(g.chord_cos)
+    lowest = float(irvine.lowest_frequencies(L2, 1)[0]) / math.sqrt(g.chord_cos)
     assert g.damping == pytest.approx(2.0 * 0.013 * lowest, rel=1e-12)
     assert scene.damping * scene.time_scale == pytest.approx(g.damping, rel=1e-14)
 

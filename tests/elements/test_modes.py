@@ -47,7 +47,7 @@ def test_steep_and_deep_cables(groups):
 def test_irvine_and_caughey(model, groups):
     """The parabola along the chord, tension H/cos: L^2 = alpha sigma^2 cos^5."""
     L2 = irvine.irvine_parameter(groups.sigma, groups.alpha, groups.chord_cos)
-    exact = irvine.frequencies(L2, 10) / math.sqrt(groups.chord_cos)
+    exact = irvine.lowest_frequencies(L2, 10) / math.sqrt(groups.chord_cos)
     np.testing.assert_allclose(scaled_frequencies(groups, model=model), exact, rtol=1e-9)
     assert abs(scaled_frequencies(groups)[0] / exact[0] - 1.0) > 5e-4  # the catenary is another cable
     string = np.pi * np.arange(1, 8) / math.sqrt(groups.chord_cos)  # tight along its chord

@@ -31,7 +31,7 @@ def test_the_papers_wavelets():
 
 def test_linear_theory_of_the_sagged_cable():
     """Irvine & Caughey's symmetric and antisymmetric frequencies; the printed 5.34979."""
-    exact = np.sort(irvine.frequencies(irvine.irvine_parameter(BARE.sigma, BARE.alpha), 4))[:4]
+    exact = np.sort(irvine.lowest_frequencies(irvine.irvine_parameter(BARE.sigma, BARE.alpha), 4))[:4]
     assert exact[0] == pytest.approx(5.3497920, abs=5e-8)
     sagged = scaled_frequencies(BARE, Fourier(90), model="sagged", n=4)
     np.testing.assert_allclose(sagged, exact, rtol=3e-7)

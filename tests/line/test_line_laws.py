@@ -81,7 +81,7 @@ TRAM = Line.load("two-span").replace(FEW | {"ground": GROUND, "obstacle": [TREE]
 def reread(folder, result, edit=lambda folder: None, html=lambda text: text, of=TRAM):
     """What a judge of the line `of` finds wrong in the files and the page of a result."""
     result.write(folder, 1.0)
-    text = "".join(section.html + section.summary for section in page.line_sections(folder))
+    text = "".join(section.html + section.summary for section in page.rest_sections(folder))
     edit(folder)
     return disagreements(check_printed(of.to_toml(), result.rest, folder, html(text), page.WORDS))
 

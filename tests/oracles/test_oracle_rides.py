@@ -174,4 +174,6 @@ def test_a_hauled_sled_feels_the_waves_that_it_sends(drag):
     assert weight - mu * (ddw - sigma * V * V) == pytest.approx(R, abs=1e-4 * weight)
     mean = (depth(x + 2 * h, now) - depth(x + h, now) + depth(x - h, now) - depth(x - 2 * h, now)) / (2.0 * h)
     force = -R * (mean + sigma * (0.5 - x)) / weight**2
-    assert (abs(wave_drag.wave_resistance(now, mu=mu, V=V, s0=s0, drag=drag) - force) < 1e-3) == drag
+    assert (
+        abs(wave_drag.wave_resistance_over_weight_squared(now, mu=mu, V=V, s0=s0, drag=drag) - force) < 1e-3
+    ) == drag

@@ -86,7 +86,7 @@ class Case:
     def expected_verdict(self, solvers: Solvers, method: str) -> str:
         return self.expected
 
-    def answer(self, solvers: Solvers, method: str, rung: Rung) -> Any:
+    def compute_answer(self, solvers: Solvers, method: str, rung: Rung) -> Any:
         raise NotImplementedError
 
     def relative_errors(self, answer: Any) -> Any:
@@ -140,7 +140,7 @@ class Crossing(Case):
     def expected_verdict(self, solvers: Solvers, method: str) -> str:
         return "disagree" if solvers.theoretical_order(method)[0] is None else self.expected
 
-    def answer(self, solvers: Solvers, method: str, rung: Rung) -> Path:
+    def compute_answer(self, solvers: Solvers, method: str, rung: Rung) -> Path:
         return solvers.mass_path(self, method, **rung.settings)
 
     @property
@@ -171,7 +171,7 @@ class Modes(Case):
     def expected_order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         return solvers.theoretical_order(method) if self.order is None else (self.order, self.because)
 
-    def answer(self, solvers: Solvers, method: str, rung: Rung) -> Array:
+    def compute_answer(self, solvers: Solvers, method: str, rung: Rung) -> Array:
         solve = solvers.damped_frequencies if self.groups.damping else solvers.frequencies
         return solve(method, self.groups, self.model, self.exact.size, **rung.settings)
 
@@ -188,7 +188,7 @@ class Law(Case):
 
     defect: Defect  # of runs with these settings
 
-    def answer(self, solvers: Solvers, method: str, rung: Rung) -> Any:
+    def compute_answer(self, solvers: Solvers, method: str, rung: Rung) -> Any:
         return self.defect(solvers, method, rung.settings)
 
 
@@ -208,7 +208,7 @@ class Limit(Case):
         rising = self.values[-1] > self.values[0]
         return [Rung({self.refined: x}, x if rising else 1.0 / x) for x in self.values]
 
-    def answer(self, solvers: Solvers, method: str, rung: Rung) -> Any:
+    def compute_answer(self, solvers: Solvers, method: str, rung: Rung) -> Any:
         return self.deviation(solvers, method, rung.settings[self.refined])
 
 

@@ -39,10 +39,10 @@ def symmetric_frequencies(L2: float, count: int) -> Array:
     return 2.0 * np.array(half)
 
 
-def frequencies(L2: float, count: int) -> Array:
+def lowest_frequencies(L2: float, count: int) -> Array:
     return np.sort(np.concatenate([symmetric_frequencies(L2, count), 2.0 * math.pi * np.arange(1, count + 1)]))[:count]
 
 
 def cases() -> list[Modes]:
-    exact = frequencies(irvine_parameter(BARE.sigma, BARE.alpha), 4)
+    exact = lowest_frequencies(irvine_parameter(BARE.sigma, BARE.alpha), 4)
     return [Modes(name="first four, model sagged", groups=BARE, model="sagged", exact=exact)]

@@ -66,7 +66,7 @@ class AtRest(Case):
             return [Rung({"elements": n}, n) for n in (2, 4)]
         return [Rung({"extra_steps": n}, n + 1) for n in (0, 1)]
 
-    def answer(self, solvers: Solvers, method: str, rung: Rung) -> LineRest:
+    def compute_answer(self, solvers: Solvers, method: str, rung: Rung) -> LineRest:
         return solvers.line_at_rest(self.line, method, **rung.settings)
 
     def relative_distance(self, coarse: LineRest, fine: LineRest) -> float:

@@ -21,7 +21,7 @@ from cablefem.scene import ConstantSpeed
 from validation.oracles.case import RIDERS, Array, Limit, Solvers, scene_in_units_of_cable
 
 
-def wave_resistance(t: ArrayLike, *, mu: float, V: float, s0: float, drag: bool = True) -> Array:
+def wave_resistance_over_weight_squared(t: ArrayLike, *, mu: float, V: float, s0: float, drag: bool = True) -> Array:
     """F - mu x.. of (1) over W^2; drag=False: without the waves of R."""
     t = np.asarray(t, float)
     load = 1.0 + V * V * (1.0 + 2.0 * mu) - 2.0 * V * V * (1.0 + mu) * np.exp(-2.0 * t / mu)
@@ -37,7 +37,7 @@ def _resistance_deviation(solvers: Solvers, method: str, sigma: float, drag: boo
     drive = {"mode": "haul", "start": s0, "end": {"place": s0 + V * t_end}}
     scene = scene_in_units_of_cable(sigma, 300.0, mu, drive, travel=ConstantSpeed(speed=V))
     r = solvers.run_scene(scene, method, steps=400, scheme="generalized-alpha")
-    exact = wave_resistance(r.t / scene.time_scale, mu=mu, V=V, s0=s0, drag=drag)
+    exact = wave_resistance_over_weight_squared(r.t / scene.time_scale, mu=mu, V=V, s0=s0, drag=drag)
     return (r.F_haul - mu * r.acceleration[:, 0]) / (mu * sigma) ** 2 - exact
 
 

@@ -26,7 +26,7 @@ from validation.page.plot import (
     GREY,
     Panel,
     draw_ground_and_obstacles,
-    set_depth_scale,
+    set_depth_scale_with_caption,
     svg_figure,
 )
 from validation.page.scene_keys import scene_inputs_html
@@ -74,7 +74,7 @@ def largest_and_smallest_rows(design: Sequence[Row]) -> list[Row]:
 
 
 def print_line_summary(
-    line: Any, outcome: str, limits: Sequence[Row], design_rows: Sequence[Row], reported: int
+    line: Line, outcome: str, limits: Sequence[Row], design_rows: Sequence[Row], reported: int
 ) -> None:
     """Print outcome, limits, and the first 14 rows of design numbers, of `reported` in the report."""
     terminal.print_text(f"{line.name}: {outcome}", style="bold")
@@ -86,7 +86,7 @@ def print_line_summary(
         terminal.print_text(f"  {reported - len(rows)} more in the report")
 
 
-def line_table_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
+def rest_table_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table of lines: varied values, design numbers of GRID, what became of each line."""
     names = dict.fromkeys(name for row in rows for name in row if base_quantity(name) in GRID)
     return table_columns_with_outcome(rows, keys, {name: _column_heading(name) for name in names})
@@ -110,8 +110,8 @@ def _column_heading(name: str) -> str:
     return f"{which}{line_quantity_words(name)} [{unit}]" if unit else which + line_quantity_words(name)
 
 
-def line_sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
-    """Pages of the line in a folder; rows and verdict of a check."""
+def rest_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
+    """Pages of the line in a folder; check_rows, verdict : of a check."""
     summary = store.read_json(folder / "summary.json")
     ropes = store.read_json(folder / "ropes.json")
     toml = (folder / "scene.toml").read_text(encoding="utf-8")
@@ -132,8 +132,8 @@ def line_sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = 
         side=_side_view_figure(line, ropes, positions),
         design=largest_and_smallest_rows(summary["design"]),
         over=over,
-        compared=[x for x in rows if x["quantity"] not in RECHECKED],
-        rechecked=[x for x in rows if x["quantity"] in RECHECKED],
+        compared=[x for x in check_rows if x["quantity"] not in RECHECKED],
+        rechecked=[x for x in check_rows if x["quantity"] in RECHECKED],
         as_read=scene_inputs_html(toml, Line),
     )
 
@@ -162,7 +162,7 @@ def _side_view_without_cars(line: Row, profile: dict[str, Array], lowest: Sequen
     p = Panel("depth [m]", "", down=True)
     p.fit_y_axis([highest_of_rope, lowest_of_rope, ground[:, 1], tops, *lowest], pad=0.14)
     end = float(x[-1])
-    caption = set_depth_scale(p, 1.12 * end)
+    caption = set_depth_scale_with_caption(p, 1.12 * end)
     draw_ground_and_obstacles(p, ground, obstacles)
     p.bands.append((x, highest_of_rope, lowest_of_rope, "#0072b233"))
     p.add_curve(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
@@ -234,7 +234,7 @@ def _lowest_rope_point_figure(rows: Sequence[Row], paths: Sequence[Any], keys: S
 
 
 def line_grid_sections(
-    folder: Path, columns: Callable[[Sequence[Row], Sequence[str]], Columns] = line_table_columns
+    folder: Path, columns: Callable[[Sequence[Row], Sequence[str]], Columns] = rest_table_columns
 ) -> list[Section]:
     """The page of a grid of lines in a folder."""
     stored = store.read_json(folder / "grid.json")

@@ -22,7 +22,7 @@ from validation.page.scene_keys import scene_inputs_html
 from validation.page.side_view import (
     force_unit,
     obstacles_and_ground,
-    pack_array,
+    pack_array_as_uint16,
     packed_car_path,
     packed_rope_body,
     side_view_player,
@@ -94,14 +94,14 @@ def motion_table_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     return table_columns_with_outcome(rows, keys, heads)
 
 
-def motion_sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
-    """Pages of the line in a folder; rows and verdict of a check."""
+def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
+    """Pages of the line in a folder; check_rows, verdict : of a check."""
     summary = store.read_json(folder / "summary.json")
     toml = (folder / "scene.toml").read_text(encoding="utf-8")
     line = tomllib.loads(toml)
     contacts = read_columns(folder / "contacts.csv")
     paths = {car["name"]: read_columns(folder / f"path-{car['name']}.csv") for car in line["car"]}
-    compared = _named_comparisons(rows)
+    compared = _named_comparisons(check_rows)
     laws = [row for row in compared if row["quantity"] in ("laws_si", "energy")]
     alarm = "disagree" if summary["outcome_kind"] in ("breaks", "collides", "incomplete") else None
     return render_sections(
@@ -135,16 +135,16 @@ def _moving_side_view(folder: Path, contacts: dict[str, Array], paths: dict[str,
     frames = {name: {column: values[steps] for column, values in path.items()} for name, path in paths.items()}
     bodies = _packed_cars(line, frames, *force_unit(range_T[1]))
     bodies += [_packed_contact(c, contacts, steps) for c in line.contact if c.kind != "spring"]
-    rises = [pack_array(contacts[f"{c.name}.rise"][steps]) for c in _counterweights(line)]
-    moving: dict[str, Any] = {name: pack_array(values) for name, values in cable.items()}
-    moving |= {"t": pack_array(t), "touching": bodies, "weights": rises}
+    rises = [pack_array_as_uint16(contacts[f"{c.name}.rise"][steps]) for c in _counterweights(line)]
+    moving: dict[str, Any] = {name: pack_array_as_uint16(values) for name, values in cable.items()}
+    moving |= {"t": pack_array_as_uint16(t), "touching": bodies, "weights": rises}
     data = {
         "line": True,
         "enlarged": any("body" in body for body in bodies),
         "s": six_digits(s),
         "x": [0.0] * s.size,
         "y": [0.0] * s.size,
-        **_still_parts(line, read_columns(folder / "profile.csv"), paths),
+        **_still_parts_of_side_view(line, read_columns(folder / "profile.csv"), paths),
         "cables": [moving],
         "party": None,
     }
@@ -155,7 +155,9 @@ def _counterweights(line: Line) -> list[Contact]:
     return [c for c in line.contact if c.kind == "counterweight"]
 
 
-def _still_parts(line: Line, profile: dict[str, Array], paths: dict[str, dict[str, Array]]) -> dict[str, Any]:
+def _still_parts_of_side_view(
+    line: Line, profile: dict[str, Array], paths: dict[str, dict[str, Array]]
+) -> dict[str, Any]:
     """The parts that do not move: rope at rest, envelope, contacts, paths of the cars, obstacles, ground."""
     right = line.contact[-1]
     return {
@@ -222,11 +224,11 @@ def _packed_car(car: Car, path: dict[str, Array], color: str, unit: float, unit_
     return packed_rope_body(series, readout, **how)
 
 
-def _packed_contact(contact: Contact, contacts: dict[str, Array], steps: Any) -> dict[str, Any]:
-    """The rope at a contact, for the side view."""
-    T = contacts[f"{contact.name}.tension"][steps]
+def _packed_contact(contact: Contact, columns: dict[str, Array], steps: Any) -> dict[str, Any]:
+    """The rope at a contact, for the side view; columns : of all contacts; steps : indices of the frames."""
+    T = columns[f"{contact.name}.tension"][steps]
     x, y = np.broadcast_to(np.array(contact.at)[:, None], (2, T.size))
-    series = {"s": contacts[f"{contact.name}.s"][steps], "x": x, "y": y, "behind": T, "ahead": T}
+    series = {"s": columns[f"{contact.name}.s"][steps], "x": x, "y": y, "behind": T, "ahead": T}
     return packed_rope_body(series, name=contact.name)
 
 

@@ -175,6 +175,7 @@ def html_table_of_pairs(pairs: Mapping[str, Any], *headings: str) -> Markup:
 
 
 def seconds_text(x: float | None) -> str:
+    """Seconds in s or ms; None: a dash."""
     if x is None or not math.isfinite(x):
         return "–"
     return f"{number_html(1e3 * x, 2)} ms" if x < 1.0 else f"{number_html(x, 2)} s"

@@ -138,7 +138,7 @@ class Panel:
         }
 
 
-def set_depth_scale(panel: Panel, width: float) -> str:
+def set_depth_scale_with_caption(panel: Panel, width: float) -> str:
     """Set the height of a side view of `width` metres, and return its caption.
 
     Depths are to scale, or enlarged by an integer.

@@ -87,12 +87,14 @@ def print_method_and_flags(r: Response) -> None:
         )
     else:
         bar = "" if r.path_error is None else f"; path ± {r.path_error * r.path_scale:.2g} m"
-        terminal.print_text(f"  by {r.method} ({', '.join(_settings_and_options(r))}) in {r.seconds:.2g} s{bar}")
+        terminal.print_text(
+            f"  by {r.method} ({', '.join(_nondefault_settings_and_options(r))}) in {r.seconds:.2g} s{bar}"
+        )
     for flag in r.flags:
         terminal.print_text(f"  {flag}", style="yellow")
 
 
-def _settings_and_options(r: Response) -> list[str]:
+def _nondefault_settings_and_options(r: Response) -> list[str]:
     """Resolution, steps, and all that is not the default of a run."""
     method = find_method(r.method)
     settings = [

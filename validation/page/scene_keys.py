@@ -20,7 +20,7 @@ def scene_keys_table(toml: str, scene_type: type[Scene | Line] = Scene, without:
         if key in without or key in ("name", "title"):
             continue
         general = re.sub(r"\.\d+", ".0", key)  # as `list_keys` names it
-        unit, meaning = _units_and_meanings(scene_type).get(general, ("", ""))
+        unit, meaning = _units_and_meanings_of_keys(scene_type).get(general, ("", ""))
         rows.append({"key": key, "value": f"{_value_text(value)} {unit}".rstrip(), "meaning": meaning})
     return html_table(rows, ["key", "value", "meaning"], caption="All that the scene gives", stack=True)
 
@@ -37,7 +37,7 @@ def _dotted_keys_and_values(data: Any, before: str = "") -> Iterator[tuple[str, 
 
 
 @cache
-def _units_and_meanings(scene_type: type[Scene | Line]) -> dict[str, tuple[str, str]]:
+def _units_and_meanings_of_keys(scene_type: type[Scene | Line]) -> dict[str, tuple[str, str]]:
     """Units and meanings of all keys."""
     from cablefem.scene.keys import list_keys  # slow to import
 

@@ -37,7 +37,7 @@ def side_view_of_runs(
         "y": six_digits(X.y(s)),
         "rest": [six_digits(X.x(s)), six_digits(X.y(s))],
         "static": six_digits(X.tension(s)),
-        **_still_parts(scene, r),
+        **_still_parts_of_side_view(scene, r),
         "weights": [],
         "cables": [
             _packed_rope_frames(scene, run, color, *unit) for run, color in zip(runs, (BLUE, VERMILLION), strict=False)
@@ -66,7 +66,7 @@ def _station_stride(r: Response) -> int:
     return max(1, -(-(r.fields.s.size - 1) // (STATIONS - 1)))
 
 
-def _still_parts(scene: Scene, r: Response) -> dict[str, Any]:
+def _still_parts_of_side_view(scene: Scene, r: Response) -> dict[str, Any]:
     """The parts that do not move: envelope, path of the car, brake, obstacles, ground, speeds at five positions."""
     p = profile_columns(r)
     ahead = np.flatnonzero(np.diff(np.maximum.accumulate(r.s_o), prepend=-1.0) > 0.0)  # first arrivals
@@ -145,8 +145,8 @@ def _packed_rope_frames(scene: Scene, r: Response, color: str, unit: float, unit
         "behind": behind,
         "ahead": ahead,
     }
-    return {name: pack_array(frames(name)) for name in ("u", "v", "T")} | {
-        "t": pack_array(t),
+    return {name: pack_array_as_uint16(frames(name)) for name in ("u", "v", "T")} | {
+        "t": pack_array_as_uint16(t),
         "touching": [packed_rope_body(car, readout, name=r.method, color=color, below=_car_depth_below_rope(scene))],
         "slack": None if r.slack_onset is None else r.slack_onset * r.length,
     }
@@ -164,14 +164,14 @@ def packed_rope_body(
     readout : name, digits and series of numbers to show, of a car.  how : its name, color, body and `below`.
     """
     numbers = [
-        {"name": name, "digits": digits, "data": pack_array(values)}
+        {"name": name, "digits": digits, "data": pack_array_as_uint16(values)}
         for name, digits, values in readout
         if np.isfinite(values).all()
     ]
-    return {name: pack_array(values) for name, values in series.items()} | {"readout": numbers} | how
+    return {name: pack_array_as_uint16(values) for name, values in series.items()} | {"readout": numbers} | how
 
 
-def pack_array(x: Array) -> dict[str, Any]:
+def pack_array_as_uint16(x: Array) -> dict[str, Any]:
     """An array as 16-bit integers between its extremes, in base64."""
     low = float(x.min())
     high = float(x.max())

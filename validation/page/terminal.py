@@ -80,7 +80,7 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Se
         return
     narrowest = [_min_column_width(column, column[0] in right) for column in zip(columns, *rows, strict=True)]
     if sum(narrowest) + 3 * (len(columns) - 1) > console.width:
-        _print_stacked(columns, rows)
+        _print_stacked_cells(columns, rows)
         return
     from rich import box
     from rich.table import Table
@@ -100,7 +100,7 @@ def _min_column_width(column: Sequence[str], unbroken: bool) -> int:
     return max(map(len, words), default=0)
 
 
-def _print_stacked(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+def _print_stacked_cells(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     for row in rows:
         for name, cell in zip(columns, row, strict=True):
             print_text(f"{name} {cell}".strip(), style="bold" if name == columns[0] else STYLES.get(cell, ""))

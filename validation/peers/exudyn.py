@@ -42,7 +42,9 @@ def run_exudyn(groups: Groups, *, elements: int, steps: int) -> PeerPath:
             initialCoordinates_t=[speed],
         )
     )  # fmt: skip
-    fixed, _, on_cable = _add_cable(system, groups, s, items.ALECable2D, (place_on_cable,), movingMassFactor=0.0)
+    fixed, _, on_cable = _add_cable_with_markers(
+        system, groups, s, items.ALECable2D, (place_on_cable,), movingMassFactor=0.0
+    )
     velocity = [speed * float(xp), -speed * float(yp)]
     particle, at_mass = _add_particle_with_weight(system, groups, initialVelocities=velocity)
     which_element = system.AddNode(items.NodeGenericData(initialCoordinates=[0], numberOfDataCoordinates=1))
@@ -62,7 +64,7 @@ def run_exudyn(groups: Groups, *, elements: int, steps: int) -> PeerPath:
     on_support = motion.end >= 1.0  # omit the last instant, on the support
     settings = _solver_settings(t_end * (1.0 - 1.0 / steps) if on_support else t_end, steps - on_support)
     settings.solution.sensors.writePeriod = 1e-3 * t_end / steps
-    note, seconds = _solve_and_time(system.SolveDynamic, system, settings)
+    note, seconds = _solve_with_wall_time(system.SolveDynamic, system, settings)
     t, x, y, _ = np.array(system.GetSensorStoredData(sensor)).T
     return path_until_nan(motion.position(t), np.stack([x, -y], axis=1), t, groups, seconds, note)
 
@@ -82,20 +84,20 @@ def _run_free_ride(groups: Groups, elements: int, steps: int) -> PeerPath:
     dt = d.nominal / steps
 
     system = exudyn.SystemContainer().AddSystem()
-    _, bodies, _ = _add_cable(system, groups, s, items.Cable2D)
+    _, bodies, _ = _add_cable_with_markers(system, groups, s, items.Cable2D)
     local = [d.start - s[first], 0.0, 0.0]
     held = system.AddMarker(items.MarkerBodyPosition(bodyNumber=bodies[first], localPosition=local))
     system.AddLoad(items.Force(markerNumber=held, loadVector=[0.0, -weight, 0.0]))
     settings = _solver_settings(1.0, 1)
     settings.staticSolver.numberOfLoadSteps = 20
-    note, _ = _solve_and_time(system.SolveStatic, system, settings)
+    note, _ = _solve_with_wall_time(system.SolveStatic, system, settings)
     if note:
         raise ValueError(f"no start: {note}")
     rest = np.array(system.systemData.GetODE2Coordinates()).reshape(-1, 4)
     begin = system.GetObjectOutputBody(bodies[first], output.Position, localPosition=local)
 
     system = exudyn.SystemContainer().AddSystem()
-    _, bodies, on_cable = _add_cable(system, groups, s, items.Cable2D, rest=rest)
+    _, bodies, on_cable = _add_cable_with_markers(system, groups, s, items.Cable2D, rest=rest)
 
     def drag_and_weight(system: Any, t: float, load: Any) -> list[float]:
         wind = np.array(system.GetNodeOutput(particle, output.Velocity)[:2]) - (d.wind, 0.0)
@@ -133,12 +135,12 @@ def _run_free_ride(groups: Groups, elements: int, steps: int) -> PeerPath:
 
     system.SetPreStepUserFunction(move_joint)
     t_end = min(d.end_time, 2.0 * d.nominal)
-    note, seconds = _solve_and_time(system.SolveDynamic, system, _solver_settings(t_end, math.ceil(t_end / dt)))
+    note, seconds = _solve_with_wall_time(system.SolveDynamic, system, _solver_settings(t_end, math.ceil(t_end / dt)))
     t, s_o, x, y = np.array(rows).T
     return path_until_nan(s_o, np.stack([x, y], axis=1), t, groups, seconds, note)
 
 
-def _add_cable(
+def _add_cable_with_markers(
     system: Any, groups: Groups, s: Array, element: Any, nodes: tuple[Any, ...] = (), rest: Array | None = None,
     **more: Any,
 ) -> tuple[Any, list[Any], list[Any]]:  # fmt: skip
@@ -205,7 +207,7 @@ def _solver_settings(t_end: float, steps: int) -> Any:
     return settings
 
 
-def _solve_and_time(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
+def _solve_with_wall_time(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
     """The failure or "", and the seconds."""
     import exudyn
 

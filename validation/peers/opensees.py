@@ -36,7 +36,7 @@ def run_opensees(groups: Groups, *, elements: int) -> PeerPath:
     s_nodes = np.concatenate([s, np.linspace(motion.end, 1.0, beyond + 1)[1:]])
     _build_cable_model(ops, groups, s_nodes)
     try:
-        positions, seconds = _run_travel_and_time(
+        positions, seconds = _run_travel_with_wall_time(
             ops, groups, t[: last + 1], np.stack(groups.coordinates(s[: last + 1]), axis=1)
         )
     finally:
@@ -78,8 +78,8 @@ def _build_cable_model(ops: Any, groups: Groups, s: Array) -> None:
     ops.analysis("Transient")
 
 
-def _run_travel_and_time(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
-    """Run the travel: positions of the mass (n, 2), y down, and the time it took."""
+def _run_travel_with_wall_time(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
+    """Run the travel: positions of the mass (n, 2), y down, and the seconds it took."""
     assert groups.motion is not None
     mass = groups.mu
     weight = np.array([0.0, -groups.mu * groups.sigma])

@@ -4,7 +4,7 @@ from validation.core import store
 from validation.page.options import (
     Out,
     SceneName,
-    load_line_or_none,
+    load_line_or_refuse,
     load_scene_or_refuse,
     number_option,
     run_study,
@@ -25,7 +25,7 @@ def command(
 
     Writes DIR/: advice.json, with the evidence, and report.html.
     """
-    line = load_line_or_none(scene)
+    line = load_line_or_refuse(scene)
     if line is not None and any(car.hanger or (car.wheels and car.wheels.inertia) for car in line.car):
         from validation.commands.advise import bodies
 

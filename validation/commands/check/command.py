@@ -65,7 +65,7 @@ def command(
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
     extras = Extras(require, self_test, sensitive, verbose)
-    if (line := options.load_line_or_none(scene)) is not None:
+    if (line := options.load_line_or_refuse(scene)) is not None:
         others = {"--ask": ask != "all", "--with": other is not None, "--deep": deep, "--verbose": verbose}
         points = options.line_points_from_options(options.with_limits(line, limits), set_, case, others)
         second_scene = _scene_of_second_solver(points[0].scene, second, second_set)
@@ -226,7 +226,7 @@ def _scene_of_second_solver(scene: Any, file: Path | None, set_pairs: list[str] 
     name = str(file)
     other = scene
     if file is not None:
-        other = options.load_line_or_none(name) or options.load_scene_or_refuse(name, needs_mass=True)
+        other = options.load_line_or_refuse(name) or options.load_scene_or_refuse(name, needs_mass=True)
     try:
         points = options.grid_points_from_options(other, set_pairs)
     except store.Refused as error:
@@ -257,7 +257,7 @@ def _check_grid(
     def row_and_path(point: options.GridPoint) -> tuple[dict[str, Any], Any]:
         result = study.check(point.scene, **settings)
         r = replace(result.a.finest, design=result.design)
-        return many.answer_row(point.scene, r, result.verdict.value), many.sparse_path_columns(r)
+        return many.answer_table_row(point.scene, r, result.verdict.value), many.sparse_path_columns(r)
 
     rows = many.answer_and_store_grid("check", "grid-check", scene, points, out, row_and_path, many.run_table_columns)
     if require_limits and columns_fail(rows):

@@ -227,7 +227,7 @@ def recheck_outputs(result: RestAnswers) -> list[Agreement]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         result.write(folder, 0.0)
-        html = "".join(section.html + section.summary for section in page.line_sections(folder))
+        html = "".join(section.html + section.summary for section in page.rest_sections(folder))
         return line_laws.check_printed(result.line.to_toml(), result.rest, folder, html, page.WORDS)
 
 

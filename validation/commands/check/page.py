@@ -15,7 +15,7 @@ from validation.page.page import VERDICTS, Section, render_sections, worst_verdi
 
 WORDS = store.shipped_toml(__package__, "words.toml")
 LINE_PAGES: dict[str, tuple[Callable[..., list[Section]], Callable[[Path], list[Section]]]] = {
-    "rest-check": (line.line_sections, line.line_grid_sections),
+    "rest-check": (line.rest_sections, line.line_grid_sections),
     "motion-check": (motion.motion_sections, motion.motion_grid_sections),
 }
 COUNTED = WORDS["counted"]

@@ -77,7 +77,7 @@ class Task:
 
     def _run_and_judge(self, solvers: Solvers, rungs: Sequence[Rung], p: float | None) -> dict[str, Any]:
         """Run every rung; return errors, what is allowed, and the verdict."""
-        answers = [self.case.answer(solvers, self.method, rung) for rung in rungs]
+        answers = [self.case.compute_answer(solvers, self.method, rung) for rung in rungs]
         errors = [self.case.largest_and_rms_error(answer) for answer in answers]  # largest, rms
         sizes = [rung.size for rung in rungs]
         rms = [error for _, error in errors]

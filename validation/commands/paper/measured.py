@@ -179,7 +179,7 @@ def front_meeting_position(r: Response) -> float:
 
 def linear_first_frequency(sigma: float, alpha: float) -> float:
     """Irvine and Caughey's first frequency of a level cable."""
-    return float(irvine.frequencies(irvine.irvine_parameter(sigma, alpha), 1)[0])
+    return float(irvine.lowest_frequencies(irvine.irvine_parameter(sigma, alpha), 1)[0])
 
 
 def static_tension_range(scene: Scene) -> float:

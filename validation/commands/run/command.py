@@ -44,7 +44,7 @@ def command(
     from cablefem.scene.errors import did_you_mean, short_text
 
     run_options = {"model": model, "load": load, "law": law}
-    if (line := options.load_line_or_none(scene)) is not None:
+    if (line := options.load_line_or_refuse(scene)) is not None:
         others = {f"--{option}": given != CHOICES[option][0] for option, given in run_options.items()}
         others["--model"] = model not in ("full", QUASI_STATIC)
         others |= {"--method": method != METHOD, "--tol": tol is not None, "--no-bars": not bars}

@@ -191,5 +191,5 @@ def _answer_line_grid(
 
     line = points[0].scene
     kind = "motion" if moves else "rest"
-    columns = motion.motion_table_columns if moves else at_rest.line_table_columns
+    columns = motion.motion_table_columns if moves else at_rest.rest_table_columns
     return table.answer_and_store_grid(command, f"grid-{kind}-{command}", line, points, out, row_and_curve, columns)

@@ -12,7 +12,7 @@ from validation.page.answer.stored import StoredAnswer
 from validation.page.page import Section, callout, render_sections
 
 HOMES: dict[str, Callable[[Path], list[Section]]] = {
-    "rest": line.line_sections, "grid-rest-run": line.line_grid_sections,
+    "rest": line.rest_sections, "grid-rest-run": line.line_grid_sections,
     "motion-run": motion.motion_sections, "grid-motion-run": motion.motion_grid_sections,
 }  # fmt: skip
 

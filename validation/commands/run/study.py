@@ -149,7 +149,7 @@ def answer_grid(
 
     def row_and_path(point: GridPoint) -> tuple[table.Row, Any]:
         r = ride_at(point, no_progress).response
-        return table.answer_row(point.scene, r), table.sparse_path_columns(r)
+        return table.answer_table_row(point.scene, r), table.sparse_path_columns(r)
 
     rows = table.answer_and_store_grid("run", "grid", scene, points, out, row_and_path, table.run_table_columns)
     if any(x["outcome_kind"] == "incomplete" for x in rows):

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from validation.page import terminal
-from validation.page.options import load_line_or_none, load_scene_or_refuse, writing_results
+from validation.page.options import load_line_or_refuse, load_scene_or_refuse, writing_results
 
 if TYPE_CHECKING:
     from cablefem.scene import Scene
@@ -48,7 +48,7 @@ def _scene_texts(name: str | None) -> dict[str, str]:
 
     if name is None or name in BUILT_IN:
         return {key: Scene.library_text(key) for key in (BUILT_IN if name is None else [name])}
-    found = load_line_or_none(name) or load_scene_or_refuse(name)
+    found = load_line_or_refuse(name) or load_scene_or_refuse(name)
     return {found.name: found.to_toml()}
 
 

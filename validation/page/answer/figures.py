@@ -30,40 +30,42 @@ def _values_at_compared_times(answer: StoredAnswer, r: Response, t: Array, value
     return values[inside] if inside.any() else values
 
 
-def _time_or_position(r: Any, time: bool) -> Array:
-    return r.t if time else r.s_o
+def _time_or_position(r: Any, over_time: bool) -> Array:
+    return r.t if over_time else r.s_o
 
 
-def _figure_with_events(answer: StoredAnswer, panels: Sequence[Panel], caption: str, *, time: bool) -> Markup:
+def _figure_with_events(answer: StoredAnswer, panels: Sequence[Panel], caption: str, *, over_time: bool) -> Markup:
     """Draw panels over time or position, with verticals at the events and the slack onset."""
     r = answer.runs[0]
-    end = max(float(_time_or_position(run, time).max()) for run in answer.runs)
-    verticals = [(event["t" if time else "s_o"], GREEN, "") for event in answer.main_events]
+    end = max(float(_time_or_position(run, over_time).max()) for run in answer.runs)
+    verticals = [(event["t" if over_time else "s_o"], GREEN, "") for event in answer.main_events]
     if answer.slack_onset_position is not None:
-        onset = float(np.interp(answer.slack_onset_position, r.s_o, r.t)) if time else answer.slack_onset_position
+        onset = float(np.interp(answer.slack_onset_position, r.s_o, r.t)) if over_time else answer.slack_onset_position
         verticals.append((onset, BLACK, DOTTED))
     for panel in panels:
         panel.verticals = verticals
-    return svg_figure(panels, (0.0, end), TIME if time else POSITION, caption)
+    return svg_figure(panels, (0.0, end), TIME if over_time else POSITION, caption)
 
 
-def plot_series(answer: StoredAnswer, rows: Sequence[tuple[str, str, str]], caption: str, *, time: bool) -> Markup:
+def plot_series(answer: StoredAnswer, rows: Sequence[tuple[str, str, str]], caption: str, *, over_time: bool) -> Markup:
     """Draw series (words, unit, expression of a run r) below one another; "below" points down."""
-    panels = [_series_panel(answer, title, unit, compile_template_expression(text), time) for title, unit, text in rows]
-    return _figure_with_events(answer, panels, caption, time=time)
+    panels = [
+        _series_panel(answer, title, unit, compile_template_expression(text), over_time) for title, unit, text in rows
+    ]
+    return _figure_with_events(answer, panels, caption, over_time=over_time)
 
 
-def _series_panel(answer: StoredAnswer, title: str, unit: str, values_of: Callable[..., Any], time: bool) -> Panel:
+def _series_panel(answer: StoredAnswer, title: str, unit: str, values_of: Callable[..., Any], over_time: bool) -> Panel:
     # limits from the compared part, before slack
     inside = [_values_at_compared_times(answer, r, r.t, values_of(r=r)) for r in answer.runs]
     factor, name = factor_and_prefixed_unit(np.concatenate(inside), unit)
     p = Panel(f"[{name}]", title, 110.0, down="below" in title)
     p.fit_y_axis([factor * values for values in inside])
     for r, look in zip(answer.runs, LOOKS, strict=False):
-        p.add_curve(_time_or_position(r, time), factor * values_of(r=r), *look, name=r.method)
+        p.add_curve(_time_or_position(r, over_time), factor * values_of(r=r), *look, name=r.method)
     values = None if answer.third_party is None else _third_party_series(answer.third_party, values_of)
     if values is not None:
-        _add_third_party_curve(p, answer.third_party, _time_or_position(answer.third_party, time), factor * values)
+        _add_third_party_curve(p, answer.third_party, _time_or_position(answer.third_party, over_time), factor * values)
     return p
 
 
@@ -83,8 +85,8 @@ def _third_party_series(third_party: Any, values_of: Callable[..., Any]) -> Arra
 def plot_path_distance(answer: StoredAnswer) -> Markup:
     """Draw the distance of both paths, of a third party's too, and the sum of both error bars."""
     a, b = answer.runs
-    time = answer.is_free_ride
-    abscissa, gap = _abscissa_and_path_distance(a, b, time)
+    over_time = answer.is_free_ride
+    abscissa, gap = _abscissa_and_path_distance(a, b, over_time)
     inside = _values_at_compared_times(answer, a, a.t, np.pad(gap, (0, a.t.size - gap.size)))
     factor, unit = factor_and_prefixed_unit(inside, "m")
     p = Panel(f"apart [{unit}]", height=150.0)
@@ -95,23 +97,23 @@ def plot_path_distance(answer: StoredAnswer) -> Markup:
     if allowed is not None:
         bars = allowed * a.path_scale
         times = np.array(answer.compared_time_range(a))
-        ends = times if time else np.interp(times, a.t, a.s_o)
+        ends = times if over_time else np.interp(times, a.t, a.s_o)
         p.add_curve(ends, np.full(2, factor * bars), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
         largest = max(largest, bars)
     if answer.third_party is not None:
-        abscissa, gap = _abscissa_and_path_distance(a, answer.third_party, time)
+        abscissa, gap = _abscissa_and_path_distance(a, answer.third_party, over_time)
         _add_third_party_curve(p, answer.third_party, abscissa, factor * gap, "distance to ")
         largest = max(largest, float(gap.max(initial=0.0)))
     p.show_four_log_decades(factor * largest)
-    return _figure_with_events(answer, [p], "How far the two paths of the car are apart.", time=time)
+    return _figure_with_events(answer, [p], "How far the two paths of the car are apart.", over_time=over_time)
 
 
-def _abscissa_and_path_distance(a: Response, b: Any, time: bool) -> tuple[Array, Array]:
+def _abscissa_and_path_distance(a: Response, b: Any, over_time: bool) -> tuple[Array, Array]:
     """Time or position, and the distance of two paths [m] where both exist, of the components that b has."""
-    at = _time_or_position(a, time)
-    of_b = _time_or_position(b, time)
+    at = _time_or_position(a, over_time)
+    of_b = _time_or_position(b, over_time)
     both = (at >= of_b[0]) & (at <= of_b[-1])
-    names = ("x", "y") if time else ("u", "v")
+    names = ("x", "y") if over_time else ("u", "v")
     parts = [
         getattr(a, name)[both] - np.interp(at[both], of_b, getattr(b, name))
         for name in names
@@ -165,4 +167,4 @@ def plot_energy_split(answer: StoredAnswer, caption: str) -> Markup:
             color, dash = PARTS.get(name, (BLACK, DOTTED))
             p.add_curve(r.t, factor * y, color, dash, name=name)
     p.fit_y_axis([curve.y for curve in p.curves])
-    return _figure_with_events(answer, [p], caption, time=True)
+    return _figure_with_events(answer, [p], caption, over_time=True)

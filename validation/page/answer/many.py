@@ -26,7 +26,7 @@ from validation.page.plot import (
     GREY,
     Panel,
     draw_ground_and_obstacles,
-    set_depth_scale,
+    set_depth_scale_with_caption,
     svg_figure,
 )
 from validation.page.scene_keys import scene_keys_table
@@ -82,7 +82,7 @@ class Column:
 Columns = dict[str, Column]
 
 
-def answer_row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
+def answer_table_row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
     """The table's row of one answer; SI, speeds in km/h."""
     end = outcome_of_run(scene, r)
     out: Row = {"outcome_kind": end.kind, "outcome": end.sentence, "duration_s": round(float(r.t[-1]), 3)}
@@ -220,13 +220,13 @@ def point_label(point: Row, keys: Sequence[str]) -> str:
 
 def _colours_and_dashes(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
     """Colour and dash of each row, by the first key and by the others."""
-    firsts = _numbers_by_first_appearance([json.dumps(point[keys[0]]) for point in rows])
-    others = _numbers_by_first_appearance([json.dumps([point[key] for key in keys[1:]]) for point in rows])
+    firsts = _indices_by_first_appearance([json.dumps(point[keys[0]]) for point in rows])
+    others = _indices_by_first_appearance([json.dumps([point[key] for key in keys[1:]]) for point in rows])
     return [(COLORS[a % len(COLORS)], DASHES[b % len(DASHES)]) for a, b in zip(firsts, others, strict=True)]
 
 
-def _numbers_by_first_appearance(values: Sequence[str]) -> list[int]:
-    """Equal values get equal numbers, in order of first appearance."""
+def _indices_by_first_appearance(values: Sequence[str]) -> list[int]:
+    """Indices of the values in the order of their first appearance."""
     order = list(dict.fromkeys(values))
     return [order.index(value) for value in values]
 
@@ -252,7 +252,7 @@ def _side_view_figure(scene: Scene, rows: list[dict], paths: list[dict | None], 
     depths += [np.array(path["y"]) + below for path in paths if path]
     p = Panel("depth [m]", "path of the car", down=True)
     p.fit_y_axis(depths, pad=0.05)
-    caption = set_depth_scale(p, span)
+    caption = set_depth_scale_with_caption(p, span)
     draw_ground_and_obstacles(p, ground, [(o.name, o.at, o.top) for o in scene.obstacle])
     p.add_curve(X.x(s), X.y(s), GREY, DOTTED, 1.2, "empty rope at rest")
     _add_path_curves(p, rows, paths, keys, "x", "y")
