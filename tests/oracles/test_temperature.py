@@ -128,7 +128,7 @@ def test_the_judge_hangs_a_cold_iced_cable_by_itself(shape):
     r = run(scene, "following-p2", elements=4, steps=60, until=0.3)
 
     def broken(r):
-        seen = laws.check_laws_in_si(alone(r), (0.02, 0.25))
+        seen = laws.law_rows_in_si(alone(r), (0.02, 0.25))
         return {held.law for held in seen if held.law.endswith("at rest") and held.gap > 1e-8}
 
     assert broken(r) == set()

@@ -59,7 +59,8 @@ class Path101:
 
     @classmethod
     def of(cls, ladder: Ladder) -> Path101:
-        parts = [np.broadcast_to(x, (2, 101)) for x in ladder.bar_parts(Track.of, lambda a, b: nearby(a.gap(b)))]
+        bars = ladder.bars_in_space_and_time(Track.of, lambda a, b: nearby(a.gap(b)))
+        parts = [np.broadcast_to(x, (2, 101)) for x in bars]
         return cls(Track.of(ladder.finest), np.sum(parts, axis=0))
 
     @property

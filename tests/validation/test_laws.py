@@ -20,7 +20,7 @@ WINDOW = (0.02, 0.40)
 
 def checked(x, window=WINDOW):
     """Check one law after the other; those of a ride all the way."""
-    return laws.check_laws_in_si(x, (0.0, 1.0) if x.finest.drive == "free" else window)
+    return laws.law_rows_in_si(x, (0.0, 1.0) if x.finest.drive == "free" else window)
 
 
 def held(x, window=WINDOW):

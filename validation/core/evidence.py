@@ -23,15 +23,15 @@ Window = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Windows:
-    """Time windows [s] of the laws, the same for all runs of a ladder."""
+    """Ends of the time windows [s] of the laws, the same for all runs of a ladder."""
 
-    frames: Array  # (k,) of the cable
-    steps: Array  # (k',) of the mass, with begin and end
+    frames: Array  # (k,) for laws of the cable
+    steps: Array  # (k',) for laws of the mass, with begin and end
     far: float = 1.0  # s_o/l that all these runs reach
 
     @classmethod
     def over_part_of_run(cls, r: Response, window: Window, until: float = math.inf) -> Windows:
-        """Twelve windows over a part of a run: s_o/l of a travel, time [s] of a ride."""
+        """Windows over a part of a run, s_o/l of a prescribed travel; of a free ride all up to a time [s]."""
         begin = 0.0
         end = min(until, float(r.t[-1]))
         if r.drive != "free":
@@ -55,6 +55,7 @@ class Side:
 
     @classmethod
     def from_rows(cls, rows: Array) -> Side:
+        """Of rows (m, 7): s, x, y, both velocities, tension at rest, tension."""
         return cls(rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5], rows[:, 6])
 
 
@@ -79,13 +80,15 @@ class Evidence:
         powers = {name: power[selected] for name, power in r.powers.items()}
         return Evidence(replace(r, **rows, powers=powers), self.windows)
 
-    def without_every_second_station(self) -> Evidence:
+    def without_every_second_station_and_frame(self) -> Evidence:
         """Without every second station and frame; window ends stay."""
         f = self.r.fields
         rows = np.arange(f.t.size) % 2 == 0
-        rows[self.window_frames] = True
-        thin: dict[str, Array] = {n: x[::2] if n in AT_REST else x[rows] for n, x in _array_fields(f).items()}
-        thin = {n: x[:, ::2] if x.ndim == 2 else x for n, x in thin.items()}
+        rows[self.window_frame_indices] = True
+        thin: dict[str, Any] = {}
+        for name, x in _array_fields(f).items():
+            of_rows = x[::2] if name in AT_REST else x[rows]
+            thin[name] = of_rows[:, ::2] if x.ndim == 2 else of_rows
         return Evidence(replace(self.r, fields=replace(f, **thin)), self.windows)
 
     # --- the cable at rest -----------------------------------------------------------------------------
@@ -99,7 +102,7 @@ class Evidence:
     # --- windows -----------------------------------------------------------------------------------------
 
     @cached_property
-    def steps_in_windows(self) -> NDArray[np.bool_]:
+    def steps_in_windows_off_supports(self) -> NDArray[np.bool_]:
         """Steps (n,) within the windows at which the car is off the supports."""
         r = self.r
         t = self.windows.steps
@@ -107,56 +110,62 @@ class Evidence:
         return off & (r.t >= t[0] * (1.0 - ROUNDING)) & (r.t <= t[-1] * (1.0 + ROUNDING))
 
     @cached_property
-    def window_frames(self) -> NDArray[np.intp]:
+    def window_frame_indices(self) -> NDArray[np.intp]:
         """Indices of frames at window ends; a run that ends early repeats its last."""
         t = self.r.fields.t
         return np.searchsorted(t, self.windows.frames * (1.0 - ROUNDING)).clip(max=t.size - 1)
 
     @property
-    def t(self) -> Array:
-        return self.r.fields.t[self.window_frames]
+    def window_times(self) -> Array:
+        """Times [s] of these frames (k,)."""
+        return self.r.fields.t[self.window_frame_indices]
 
     @property
-    def window_duration(self) -> float:
+    def mean_window_duration(self) -> float:
         return float(np.mean(np.diff(self.windows.frames)))
 
-    def interpolated_at(self, t: Array, values: Array) -> Array:
-        """Interpolate (n, c) at steps linearly to times (k, c)."""
-        return np.stack([np.interp(t, self.r.t, column) for column in values.T], axis=1)
+    def interpolate_steps(self, t: Array, step_values: Array) -> Array:
+        """Values (k, c) at times t (k,), linear between the values (n, c) at steps."""
+        return np.stack([np.interp(t, self.r.t, column) for column in step_values.T], axis=1)
 
-    def impulse(self, force: Array) -> Array:
-        """Time integral of a force (n, c); nan if unknown."""
-        if not np.isfinite(force[1:-1]).all():
-            return np.full_like(force, math.nan)
-        return integral(self.r.t, np.nan_to_num(force), self.r.force_jump_times)  # nan on the supports
+    def time_integral(self, rate: Array) -> Array:
+        """Integral of a force or velocity (n, c) up to each step, (n, c); nan if it is unknown between the ends."""
+        if not np.isfinite(rate[1:-1]).all():
+            return np.full_like(rate, math.nan)
+        return cumulative_integral(self.r.t, np.nan_to_num(rate), self.r.force_jump_times)  # nan on the supports
 
-    def impulse_at_window_ends(self, force: Array) -> Array:
-        """The same at frames, (k, c)."""
-        total = self.impulse(force)
+    def time_integral_at_window_times(self, rate: Array) -> Array:
+        """Integral of a force (n, c) up to each window time, (k, c); nan if it is unknown."""
+        total = self.time_integral(rate)
         if np.isnan(total).any():
-            return np.full((self.t.size, force.shape[1]), math.nan)
-        return np.asarray(CubicHermiteSpline(self.r.t, total, np.nan_to_num(force))(self.t))
+            return np.full((self.window_times.size, rate.shape[1]), math.nan)
+        return np.asarray(CubicHermiteSpline(self.r.t, total, np.nan_to_num(rate))(self.window_times))
 
     @cached_property
-    def damping(self) -> float:
+    def damping_rate(self) -> float:
+        """Viscous damping of the cable per mass [1/s]."""
         return self.data.damping(self.r.length, self.r.horizontal_tension)
 
     @cached_property
     def swept_area_integral(self) -> Array:
-        """int int r x dr ds at frames (k,), r on straight lines between frames."""
+        """int int r x dr ds up to the window times (k,), r on straight lines between frames."""
         f = self.r.fields
-        at = np.stack([f.x + f.u, f.y + f.v], axis=2)
-        return np.append(0.0, np.cumsum(simpson(cross_product(at[:-1], at[1:]), x=f.s, axis=1)))[self.window_frames]
+        points = np.stack([f.x + f.u, f.y + f.v], axis=2)  # (frames, stations, 2)
+        areas = simpson(cross_product(points[:-1], points[1:]), x=f.s, axis=1)
+        return np.append(0.0, np.cumsum(areas))[self.window_frame_indices]
 
     @cached_property
     def lever_integral(self) -> Array:
-        """int int x ds dt at frames (k,), by cubics between all frames: axial waves are quicker than windows."""
+        """int int x ds dt up to the window times (k,), by cubics between all frames.
+
+        Between windows alone it would miss axial waves.
+        """
         f = self.r.fields
         lever = np.asarray(np.trapezoid(f.x + f.u, f.s, axis=1))
-        moves = np.trapezoid(f.du, f.s, axis=1)
+        lever_rate = np.trapezoid(f.du, f.s, axis=1)
         h = np.diff(f.t)
-        pieces = 0.5 * h * (lever[1:] + lever[:-1]) - h**2 / 12.0 * np.diff(moves)
-        return np.append(0.0, np.cumsum(pieces))[self.window_frames]
+        pieces = 0.5 * h * (lever[1:] + lever[:-1]) - h**2 / 12.0 * np.diff(lever_rate)
+        return np.append(0.0, np.cumsum(pieces))[self.window_frame_indices]
 
     # --- travel and drive --------------------------------------------------------------------------------
 
@@ -166,22 +175,22 @@ class Evidence:
         return np.asarray(CubicSpline(self.r.t, self.r.s_o)(self.r.t, 1))
 
     @cached_property
-    def thrust_history(self) -> tuple[Array, Array]:
-        """Times and forces of the TOML's thrust; a constant one never ends."""
+    def thrust_times_and_forces(self) -> tuple[Array, Array]:
+        """Times [s] and forces [N] of the TOML's thrust; a constant one never ends."""
         thrust = self.data.drive.get("thrust", 0.0)
         if not isinstance(thrust, dict):
             thrust = {"times": [0.0, math.inf], "forces": [thrust, thrust]}
         return np.array(thrust["times"], float), np.array(thrust["forces"], float)
 
     @cached_property
-    def thrust_force(self) -> Array:
+    def thrust_or_haul_force(self) -> Array:
         """Thrust on a free car along the mean tangent (n,) [N], else the run's haul force."""
         if self.r.drive == "haul":
             return np.nan_to_num(self.r.F_haul)
-        return np.interp(self.r.t, *self.thrust_history, left=0.0, right=0.0)
+        return np.interp(self.r.t, *self.thrust_times_and_forces, left=0.0, right=0.0)
 
     @cached_property
-    def air_drag(self) -> Array:
+    def air_drag_force(self) -> Array:
         """Drag on the car by the TOML (n, 2) [N]."""
         drive = self.data.drive
         k = 0.5 * drive.get("air_density", 1.2) * drive.get("drag_area", 0.0)
@@ -189,12 +198,12 @@ class Evidence:
         return -k * np.hypot(past[:, 0], past[:, 1])[:, None] * past
 
     @cached_property
-    def rolling_friction_and_brakes(self) -> tuple[Array, Array]:
-        """Rolling friction and brakes (n,) [N]."""
+    def rolling_friction_and_brake_force(self) -> tuple[Array, Array]:
+        """Sizes (n,) [N] of rolling friction, and of all brakes together."""
         r = self.r
         drive = self.data.drive
-        shoes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
-        return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *shoes], axis=0)
+        brakes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
+        return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *brakes], axis=0)
 
     def grip_power(self, T_behind: Array, T_ahead: Array) -> Array:
         """Power of a grip (n,) [W]: ds_o (-contact . <r'> + <N t> . [r'] - [W]), W = N^2/(2 EA) at equal rest."""
@@ -209,33 +218,33 @@ class Evidence:
     # --- the cable, at frames ------------------------------------------------------------------------------
 
     @cached_property
-    def sides(self) -> list[tuple[Side, Side]]:
-        """The rope behind and ahead of the car at each frame, with the car as its last or first node."""
+    def sides_at_window_times(self) -> list[tuple[Side, Side]]:
+        """The rope behind and ahead of the car at each window time, with the car as its last or first node."""
         r = self.r
         f = self.r.fields
-        at = self.r.fields.s_o[self.window_frames]
-        T_static = CubicSpline(f.s, f.T_static)(at)
-        points = self.rest_curve(at) + np.stack([f.mass_u, f.mass_v], axis=1)[self.window_frames]
+        s_o = f.s_o[self.window_frame_indices]
+        T_static = CubicSpline(f.s, f.T_static)(s_o)
+        points = self.rest_curve(s_o) + np.stack([f.mass_u, f.mass_v], axis=1)[self.window_frame_indices]
         # dp/dt = r_t + ds_o r' on either side
-        moves = [
-            self.interpolated_at(self.t, r.velocity - self.travel_speed[:, None] * x)
-            for x in (r.slope_behind, r.slope_ahead)
+        velocities = [
+            self.interpolate_steps(self.window_times, r.velocity - self.travel_speed[:, None] * slope)
+            for slope in (r.slope_behind, r.slope_ahead)
         ]
-        out = []
-        for i, k in enumerate(self.window_frames):
+        pairs = []
+        for i, k in enumerate(self.window_frame_indices):
             rows = np.stack([f.s, f.x + f.u[k], f.y + f.v[k], f.du[k], f.dv[k], f.T_static, f.T[k]], axis=1)
             behind, ahead = (
-                np.r_[at[i], points[i], moves[side][i], T_static[i], T[k]]
+                np.r_[s_o[i], points[i], velocities[side][i], T_static[i], T[k]]
                 for side, T in enumerate((f.T_behind, f.T_ahead))
             )
-            before = rows[f.s < at[i] * (1.0 - ROUNDING)]
-            after = rows[f.s > at[i] * (1.0 + ROUNDING)]
-            out.append((Side.from_rows(np.vstack([before, behind])), Side.from_rows(np.vstack([ahead, after]))))
-        return out
+            before = rows[f.s < s_o[i] * (1.0 - ROUNDING)]
+            after = rows[f.s > s_o[i] * (1.0 + ROUNDING)]
+            pairs.append((Side.from_rows(np.vstack([before, behind])), Side.from_rows(np.vstack([ahead, after]))))
+        return pairs
 
     @cached_property
     def cable_integrals(self) -> dict[str, Array]:
-        """Integrals over the cable at frames: velocity, points (k, 2), spin (k,), energies (k, 3)."""
+        """Integrals over the cable at window times: velocity, points (k, 2), spin (k,), energies (k, 3)."""
         data = self.data
 
         def densities(x: Side) -> Array:
@@ -246,7 +255,8 @@ class Evidence:
             weight = -data.rho * data.gravity * x.points[:, 1]
             return np.stack([*x.velocity.T, *x.points.T, spin, kinetic, weight, strain], axis=1)
 
-        integrals = np.array([sum(simpson(densities(x), x=x.s, axis=0) for x in pair) for pair in self.sides])
+        pairs = self.sides_at_window_times
+        integrals = np.array([sum(simpson(densities(x), x=x.s, axis=0) for x in pair) for pair in pairs])
         return {
             "velocity": integrals[:, :2],
             "points": integrals[:, 2:4],
@@ -257,50 +267,57 @@ class Evidence:
     # --- energy --------------------------------------------------------------------------------------------
 
     @cached_property
-    def kinetic_potential_strain(self) -> Array:
-        """Energies: kinetic, potential, strain (k, 3) [J]; W = (N^2 - T^2)/(2 EA)."""
+    def kinetic_potential_strain_energies(self) -> Array:
+        """Energies of cable and mass at window times (k, 3) [J]; W = (N^2 - T^2)/(2 EA)."""
         r = self.r
         data = self.data
-        of_mass = [0.5 * data.mass * np.sum(r.velocity**2, axis=1), -data.weight * r.y, np.zeros(r.t.size)]
-        return (
-            self.interpolated_at(self.t, np.stack(of_mass, axis=1)) + self.cable_integrals["kinetic_potential_strain"]
-        )
+        kinetic = 0.5 * data.mass * np.sum(r.velocity**2, axis=1)
+        of_mass = np.stack([kinetic, -data.weight * r.y, np.zeros(r.t.size)], axis=1)  # (n, 3)
+        of_cable = self.cable_integrals["kinetic_potential_strain"]
+        return self.interpolate_steps(self.window_times, of_mass) + of_cable
 
     @property
     def energy_scale(self) -> float:
+        """Weight of the mass times largest deflection [J]."""
         return self.data.weight * self.r.max_deflection
 
     @cached_property
-    def powers(self) -> dict[str, Array]:
-        """Power of drive and outer forces by name (n,) [W].
+    def powers_by_source(self) -> dict[str, Array]:
+        """Powers (n,) [W] of drive, friction, drag and damping by the name of their source.
 
         Damping: by the run's kinetic energy; a law checks it.
         """
         r = self.r
         drive = self.data.drive
         of_mass = 0.5 * self.data.mass * np.sum(r.velocity**2, axis=1)
-        lost = {"lost_viscous": -2.0 * self.damping * (r.kinetic - of_mass)} if self.damping else {}
+        lost = {}
+        if self.damping_rate:
+            lost["lost_viscous"] = -2.0 * self.damping_rate * (r.kinetic - of_mass)
         if r.drive == "grip":
             return {"grip": self.grip_power(r.T_behind, r.T_ahead), **lost}
         mean = 0.5 * (r.slope_behind + r.slope_ahead)
         stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
         along = np.sum(mean * r.velocity, axis=1) / np.hypot(*mean.T)
-        friction, brakes = (-force * stretch * np.abs(self.travel_speed) for force in self.rolling_friction_and_brakes)
+        resisting = self.rolling_friction_and_brake_force
+        friction, brakes = (-force * stretch * np.abs(self.travel_speed) for force in resisting)
         x = np.minimum(r.t / drive["release"], 1.0) if drive.get("release") else np.ones(r.t.size)
+        holding_force = (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x)
         return {
-            "thrust" if r.drive == "free" else "haul": self.thrust_force * along, "friction": friction, "brake": brakes,
-            "drag": np.sum(self.air_drag * r.velocity, axis=1),
-            "hold": (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x) * self.travel_speed,
+            "thrust" if r.drive == "free" else "haul": self.thrust_or_haul_force * along,
+            "friction": friction,
+            "brake": brakes,
+            "drag": np.sum(self.air_drag_force * r.velocity, axis=1),
+            "hold": holding_force * self.travel_speed,
             **lost,
-        }  # fmt: skip
+        }
 
 
 def _array_fields(x: Any) -> dict[str, Array]:
     return {f.name: value for f in fields(x) if isinstance(value := getattr(x, f.name), np.ndarray)}
 
 
-def integral(t: Array, f: Array, jumps: Sequence[float]) -> Array:
-    """Integral of f (n, c) up to each t by trapezoids; at a jump by the value on the step's own side."""
+def cumulative_integral(t: Array, f: Array, jumps: Sequence[float]) -> Array:
+    """Integral of f (n, c) up to each t by trapezoids; at times of a jump by the value on the step's own side."""
     mean = 0.5 * (f[1:] + f[:-1])
     changes = np.abs(np.diff(f, axis=0)).max(axis=1)
     for jump in jumps:

@@ -26,7 +26,7 @@ def parse_key_and_values(pair: str) -> tuple[str, list[Any]]:
     try:
         return key, tomllib.loads(f"x = [{text}]")["x"]
     except tomllib.TOMLDecodeError:  # names without quotes
-        return key, [_parse_value(part.strip()) for part in text.split(",")]
+        return key, [_toml_value_or_text(part.strip()) for part in text.split(",")]
 
 
 def _parse_range(key: str, text: str) -> list[float]:
@@ -46,7 +46,7 @@ def _parse_range(key: str, text: str) -> list[float]:
     return np.linspace(*ends, values).tolist()
 
 
-def _parse_value(text: str) -> Any:
+def _toml_value_or_text(text: str) -> Any:
     """The TOML value, or the text itself: names need no quotes."""
     try:
         return tomllib.loads(f"x = {text}")["x"]
@@ -55,7 +55,7 @@ def _parse_value(text: str) -> Any:
 
 
 def grid_points(pairs: Sequence[str]) -> list[dict[str, Any]]:
-    """The grid's points; the last key changes fastest."""
+    """All points of a grid, values by key; the last key changes fastest.  ValueError for a key given twice."""
     axes = [parse_key_and_values(pair) for pair in pairs]
     keys = [key for key, _ in axes]
     if twice := {key for key in keys if keys.count(key) > 1}:
@@ -67,7 +67,9 @@ def grid_points(pairs: Sequence[str]) -> list[dict[str, Any]]:
     return [dict(zip(keys, row, strict=True)) for row in itertools.product(*(values for _, values in axes))]
 
 
-def split_settings(point: dict[str, Any], known: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Split a point into settings of the scene (dotted or `known`) and of the method."""
-    scene = {key: value for key, value in point.items() if "." in key or key in known}
+def split_scene_and_method_settings(
+    point: dict[str, Any], keys_of_scene: Sequence[str]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Split a point into settings of the scene (dotted keys, or `keys_of_scene`) and of the method."""
+    scene = {key: value for key, value in point.items() if "." in key or key in keys_of_scene}
     return scene, {key: value for key, value in point.items() if key not in scene}

@@ -38,25 +38,25 @@ class Branch(Generic[Run]):
     ratios: tuple[float, ...]  # times coarser than the run before
     order: float  # nominal, of the path
 
-    def bar(self, finest: Run, of: Functional, distance: Distance, order: float) -> Any:
+    def bar(self, finest: Run, functional: Functional, distance: Distance, order: float) -> Any:
         """The bar of the finest run in this direction; infinite without a half."""
         if not self.runs:
             return math.inf
         try:
-            half = of(self.runs[0])
-            change = distance(of(finest), half)
+            half = functional(self.runs[0])
+            change = distance(functional(finest), half)
         except NotComparable:
             return math.inf
         change_before = 0.0
         for quarter in self.runs[1:2]:
             with contextlib.suppress(NotComparable):
-                change_before = distance(half, of(quarter))
+                change_before = distance(half, functional(quarter))
         change_before = np.nan_to_num(change_before, nan=0.0, posinf=0.0)
         return error_bar(change, change_before, self.ratios, min(self.order, order))
 
-    def finest_half_and_quarter_values(self, finest: Run, of: Functional) -> list[float]:
+    def finest_half_and_quarter_values(self, finest: Run, functional: Functional) -> list[float]:
         """Values of the finest run, of half and of a quarter, up to the first that is not known."""
-        values = [float(of(run)) for run in (finest, *self.runs[:2])]
+        values = [float(functional(run)) for run in (finest, *self.runs[:2])]
         return list(itertools.takewhile(math.isfinite, values))
 
 
@@ -74,12 +74,12 @@ class Ladder(Generic[Run]):
         return self.finest, *self.space.runs, *self.time.runs
 
     def map(self, change: Callable[[Any], Run]) -> Ladder[Run]:
-        """The ladder with all runs changed."""
+        """A ladder of all runs, changed."""
         space, time = (replace(x, runs=tuple(map(change, x.runs))) for x in (self.space, self.time))
         return replace(self, finest=change(self.finest), space=space, time=time)
 
-    def reaching_end_of(self, view: View) -> Ladder[Run]:
-        """Without runs that end before the view does, and without all coarser ones."""
+    def only_runs_covering(self, view: View) -> Ladder[Run]:
+        """A ladder without coarser runs that end before the view does, and without those coarser than them."""
 
         def covering(branch: Branch[Any]) -> Branch[Any]:
             runs = tuple(itertools.takewhile(view.is_reached_by, branch.runs))
@@ -87,30 +87,35 @@ class Ladder(Generic[Run]):
 
         return replace(self, space=covering(self.space), time=covering(self.time))
 
-    def bar_parts(self, of: Functional, distance: Distance = max_distance, order: float = math.inf) -> tuple[Any, Any]:
-        """The parts of `bar` in space and time."""
-        return self.space.bar(self.finest, of, distance, order), self.time.bar(self.finest, of, distance, order)
+    def bars_in_space_and_time(
+        self, functional: Functional, distance: Distance = max_distance, order: float = math.inf
+    ) -> tuple[Any, Any]:
+        """The parts of `bar`."""
+        return (
+            self.space.bar(self.finest, functional, distance, order),
+            self.time.bar(self.finest, functional, distance, order),
+        )
 
-    def bar(self, of: Functional, distance: Distance = max_distance, order: float = math.inf) -> Any:
+    def bar(self, functional: Functional, distance: Distance = max_distance, order: float = math.inf) -> Any:
         """The error bar of a functional of the finest run.
 
-        of : a number or series;  distance : of two values, an array for a bar of each value.
-        order : the most credited, if less than the path's.
+        functional : a number or series;  distance : of two values, an array for a bar of each value.
+        order : the largest that is credited, if less than the path's.
         """
-        return sum(self.bar_parts(of, distance, order))
+        return sum(self.bars_in_space_and_time(functional, distance, order))
 
-    def yes_no_bar(self, of: Functional) -> float:
-        """The bar of a yes or no: 0 if all runs answer alike, else infinite."""
+    def yes_no_bar(self, functional: Functional) -> float:
+        """The bar of a yes or no: 0 if all runs answer alike, else infinite, also without coarser runs."""
         if not (self.space.runs and self.time.runs):
             return math.inf
-        return 0.0 if len({of(r) for r in self.runs}) == 1 else math.inf
+        return 0.0 if len({functional(r) for r in self.runs}) == 1 else math.inf
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
     """An error bar and the target that refinement brings it down to.
 
-    parts : of the bar in space and time;  order : the most credited.
+    parts : of the bar in space and time;  order : the largest that is credited.
     """
 
     parts: tuple[float, float]
@@ -122,6 +127,5 @@ class Goal:
         return sum(self.parts)
 
     @property
-    def excess(self) -> float:
-        """The bar over its target."""
+    def bar_over_target(self) -> float:
         return self.bar / self.target

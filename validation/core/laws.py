@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,48 +56,72 @@ class Defect:
 NOT_OBSERVED = Defect(np.empty(0), np.empty((0, 1)))  # no frame shows the law
 
 
-def check_laws_in_si(
+def law_rows_in_si(
     ladder: Any, window: Window, until: float = math.inf, tolerance: Callable[[str], float | None] = lambda kind: None
 ) -> Iterator[Agreement]:
-    """Check the finest run of a `ladder.Ladder` by all laws that apply; of each the component with the worst defect.
+    """One row for each law that applies to the finest run of a `ladder.Ladder`, of its component of the worst defect.
 
     window : s_o/l;  until : [s];  tolerance : of a kind of law.
     """
-    finest = ladder.finest
-    windows = replace(Windows.over_part_of_run(finest, window, until), far=min(r.reached for r in ladder.runs))
-    known = {id(x): Evidence(x, windows) for x in ladder.runs}
-    case = known[id(finest)]
-    steps, stations = case.without_every_second_step(), case.without_every_second_station()
-    sparse_steps = steps, steps.without_every_second_step()
-    sparse_stations = stations, stations.without_every_second_station()
+    judged = _EvidenceOfLadder(ladder, window, until)
     for name, law in LAWS.items():
-        if not law.concerns(case):
+        if not law.concerns(judged.finest):
             continue
-        defect = law.defect(case)
-        gap = math.nan
-        bar = math.inf
-        parts = (math.nan, 0.0)
-        at = math.nan
-        if defect.s_o.size and np.isfinite(defect.value).all():
-            space, time = _bars_of_defect(law, defect, ladder, known)
-            time = time + _sampling_bars(law, defect, sparse_steps)  # more steps lessen both
-            bars = space + time + _sampling_bars(law, defect, sparse_stations)
-            worst = int((defect.rms_or_mean / bars).argmax())
-            gap = float(defect.rms_or_mean[worst])
-            parts = (float(space[worst]), float(time[worst]))
-            bar = float(bars[worst]) if np.isfinite(bars[worst]) else math.inf
-            at = float(defect.s_o[np.abs(defect.value[:, worst]).argmax()])
+        worst = _worst_component(law, judged)
+        bound = Bound("law", (BoundPart(ladder.finest.method, worst.bar, "coarser runs and sampling"),))
         yield Agreement(
-            law.quantity, gap, Bound("law", (BoundPart(finest.method, bar, "coarser runs and sampling"),)),
-            where=None if math.isnan(at) else at, law="" if name == law.quantity else name,
-            required=tolerance(law.tolerance_kind), decides=bool(law.tolerance_kind), parts=(parts,),
+            law.quantity, worst.gap, bound, where=None if math.isnan(worst.s_o) else worst.s_o,
+            law="" if name == law.quantity else name, required=tolerance(law.tolerance_kind),
+            decides=bool(law.tolerance_kind), parts=(worst.parts,),
         )  # fmt: skip
 
 
-def _bars_of_defect(law: Law, defect: Defect, ladder: Any, known: dict[int, Evidence]) -> tuple[Array, Array]:
+class _EvidenceOfLadder:
+    """Evidence of all runs of a ladder, and of half and a quarter of the finest run's steps, and of its stations."""
+
+    def __init__(self, ladder: Any, window: Window, until: float) -> None:
+        self.ladder = ladder
+        windows = Windows.over_part_of_run(ladder.finest, window, until)
+        windows = replace(windows, far=min(r.reached for r in ladder.runs))
+        self.by_run = {id(r): Evidence(r, windows) for r in ladder.runs}
+        self.finest = self.by_run[id(ladder.finest)]
+        steps = self.finest.without_every_second_step()
+        self.sparse_steps = steps, steps.without_every_second_step()
+        stations = self.finest.without_every_second_station_and_frame()
+        self.sparse_stations = stations, stations.without_every_second_station_and_frame()
+
+
+class _WorstComponent(NamedTuple):
+    """The component of a law's defect that is largest over its bar."""
+
+    gap: float = math.nan
+    bar: float = math.inf
+    parts: tuple[float, float] = (math.nan, 0.0)  # of the bar, in space and time
+    s_o: float = math.nan  # over l
+
+
+def _worst_component(law: Law, judged: _EvidenceOfLadder) -> _WorstComponent:
+    """The worst component of a law's defect; nan where no frame shows the law."""
+    defect = law.defect(judged.finest)
+    if not defect.s_o.size or not np.isfinite(defect.value).all():
+        return _WorstComponent()
+    space, time = _space_and_time_bars(law, defect, judged)
+    time = time + _sampling_bars(law, defect, judged.sparse_steps)  # more steps lessen both
+    bars = space + time + _sampling_bars(law, defect, judged.sparse_stations)
+    i = int((defect.rms_or_mean / bars).argmax())
+    return _WorstComponent(
+        gap=float(defect.rms_or_mean[i]),
+        bar=float(bars[i]) if np.isfinite(bars[i]) else math.inf,
+        parts=(float(space[i]), float(time[i])),
+        s_o=float(defect.s_o[np.abs(defect.value[:, i]).argmax()]),
+    )
+
+
+def _space_and_time_bars(law: Law, defect: Defect, judged: _EvidenceOfLadder) -> tuple[Array, Array]:
     """Bars (c,) of a defect in space and time."""
-    defects = {key: (defect if law.exact else law.defect(x)).value for key, x in known.items()}
-    space, time = ladder.bar_parts(lambda x: defects[id(x)], defect.rms_or_mean_distance, FIRST)
+    ladder = judged.ladder
+    defects = {key: (defect if law.exact else law.defect(x)).value for key, x in judged.by_run.items()}
+    space, time = ladder.bars_in_space_and_time(lambda x: defects[id(x)], defect.rms_or_mean_distance, FIRST)
     space, time = (np.broadcast_to(x, defect.rms_or_mean.shape) for x in (space, time))
     if law.at_start:
         space = np.maximum(space, SAFETY * ladder.start_gap)
@@ -135,7 +159,7 @@ def _register_law(
     exact: bool = False,
     at_start: bool = False,
 ) -> Callable[[DefectOf], DefectOf]:
-    """Put a defect into `LAWS` under the name that rows and files show."""
+    """Decorate the defect of a law: put it into `LAWS` under the name that rows and files show."""
 
     def register(defect: DefectOf) -> DefectOf:
         LAWS[name] = Law(defect, concerns, quantity, tolerance_kind, exact, at_start)
@@ -149,63 +173,73 @@ def _car_rolls(evidence: Evidence) -> bool:
 
 
 def _frames_resolve_waves(evidence: Evidence) -> bool:
+    """Whether frames follow each other at less than a tenth of a transverse wave's time along the cable."""
     r = evidence.r
-    t = r.fields.t[evidence.window_frames[0] : evidence.window_frames[-1] + 1]
+    k = evidence.window_frame_indices
+    t = r.fields.t[k[0] : k[-1] + 1]
     crossing_time = r.length * math.sqrt(evidence.data.rho / r.horizontal_tension)
     largest = 0.1  # of a transverse wave's time along the cable: rarer frames hide velocities
     return float(np.diff(t).max(initial=0.0)) <= largest * crossing_time
 
 
-def _mass_leaves_supports(evidence: Evidence) -> bool:
-    return any(_can_extrapolate(pair) for pair in evidence.sides)
+def _can_extrapolate_at_any_frame(evidence: Evidence) -> bool:
+    return any(_can_extrapolate_to_mass(pair) for pair in evidence.sides_at_window_times)
 
 
-def _can_extrapolate(pair: tuple[Side, Side]) -> bool:
-    """Whether the fields can be extrapolated to the mass."""
-    return all(x.s.size > 4 for x in pair)
+def _can_extrapolate_to_mass(sides: tuple[Side, Side]) -> bool:
+    """Whether each side has nodes enough to extrapolate the fields to the mass."""
+    return all(side.s.size > 4 for side in sides)
 
 
-def _knows_strain(evidence: Evidence) -> bool:
+def _has_separate_pointwise_tension(evidence: Evidence) -> bool:
+    """Whether the run of a full model has tensions by the strain at the mass beside those by balances."""
     r = evidence.r
     return r.model == "full" and not np.array_equal(r.T_behind, r.T_behind_pointwise, equal_nan=True)
 
 
-def _law_is_tension_only(r: Response, t: Array) -> NDArray[np.bool_]:
+def _excludes_compression_at(r: Response, t: Array) -> NDArray[np.bool_]:
     """At which of the times t (n,) the law excludes compression."""
     if r.switched is None:
         return np.full(t.shape, r.law == "tension-only")
     return t > r.slack_time_or_inf
 
 
-def _defect_at_rest(*values: float) -> Defect:
+def _defect_without_position(*values: float) -> Defect:
+    """The defect of a law that holds nowhere in particular: one row of these components."""
     return Defect(np.array([math.nan]), np.array([values]).reshape(1, -1))
 
 
-def _defect_at_frames(evidence: Evidence, value: Array) -> Defect:
-    frames = evidence.window_frames
+def _defect_at_window_frames(evidence: Evidence, value: Array) -> Defect:
+    """The defect of values (k,) or (k, ...) at window times."""
+    frames = evidence.window_frame_indices
     return Defect(evidence.r.fields.s_o[frames] / evidence.r.length, value.reshape(frames.size, -1))
 
 
-def _defect_of_change(evidence: Evidence, conserved: Array, scale: float, t: Array | None = None) -> Defect:
-    """Change of a conserved quantity (k, c) over each window, over a scale."""
-    at = np.interp(evidence.windows.frames if t is None else t, evidence.r.t, evidence.r.s_o) / evidence.r.length
-    return Defect(0.5 * (at[1:] + at[:-1]), np.diff(conserved, axis=0) / scale)
+def _window_change_defect(evidence: Evidence, conserved: Array, scale: float, t: Array | None = None) -> Defect:
+    """Change over each window of a quantity (k, c) that should be conserved, at the times t; over a scale.
+
+    t : (k,) [s], by default the window times.
+    """
+    times = evidence.windows.frames if t is None else t
+    s_o = np.interp(times, evidence.r.t, evidence.r.s_o) / evidence.r.length
+    return Defect(0.5 * (s_o[1:] + s_o[:-1]), np.diff(conserved, axis=0) / scale)
 
 
-def _defect_of_change_at_steps(evidence: Evidence, conserved: Array, scale: float) -> Defect:
+def _step_series_change_defect(evidence: Evidence, conserved: Array, scale: float) -> Defect:
+    """The same of a quantity (n, c) that is known at all steps."""
     t = evidence.windows.steps
-    return _defect_of_change(evidence, evidence.interpolated_at(t, conserved), scale, t)
+    return _window_change_defect(evidence, evidence.interpolate_steps(t, conserved), scale, t)
 
 
 # --- the cable at rest -----------------------------------------------------------------------------
 
 
 @_register_law("ends at rest", exact=True)
-def ends_at_rest_defect(evidence: Evidence) -> Defect:
+def cable_ends_at_rest_defect(evidence: Evidence) -> Defect:
     """The cable ends at its supports; over the span."""
     f = evidence.r.fields
     data = evidence.data
-    return _defect_at_rest(*(np.array([f.x[0], f.y[0], f.x[-1] - data.span, f.y[-1] - data.drop]) / data.span))
+    return _defect_without_position(*(np.array([f.x[0], f.y[0], f.x[-1] - data.span, f.y[-1] - data.drop]) / data.span))
 
 
 @_register_law("length at rest", exact=True)
@@ -215,8 +249,8 @@ def length_at_rest_defect(evidence: Evidence) -> Defect:
     name, value = evidence.data.prescribed
     strain = CubicSpline(s, evidence.r.fields.T_static / evidence.data.EA).integrate(s[0], s[-1]) / s[-1]
     length = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, evidence.r.length)
-    counted = float(np.abs(np.cumsum(_arc_lengths(evidence.rest_curve(s))) - s[1:]).max())
-    return _defect_at_rest(*(np.array([s[0], counted, evidence.r.length - s[-1], s[-1] - length]) / s[-1]))
+    off_arc = float(np.abs(np.cumsum(_arc_lengths(evidence.rest_curve(s))) - s[1:]).max())
+    return _defect_without_position(*(np.array([s[0], off_arc, evidence.r.length - s[-1], s[-1] - length]) / s[-1]))
 
 
 @_register_law("shape at rest", exact=True)
@@ -225,11 +259,11 @@ def prescribed_sag_or_tension_defect(evidence: Evidence) -> Defect:
     name, value = evidence.data.prescribed
     f = evidence.r.fields
     if name == "sag":
-        below = CubicSpline(f.s, f.y - evidence.data.drop / evidence.data.span * f.x)
-        hung = max([0.0, *below(below.derivative().roots(extrapolate=False)).tolist()])
+        below_chord = CubicSpline(f.s, f.y - evidence.data.drop / evidence.data.span * f.x)
+        actual = max([0.0, *below_chord(below_chord.derivative().roots(extrapolate=False)).tolist()])
     else:
-        hung = evidence.r.horizontal_tension if name == "horizontal_tension" else value
-    return _defect_at_rest(hung / value - 1.0)
+        actual = evidence.r.horizontal_tension if name == "horizontal_tension" else value
+    return _defect_without_position(actual / value - 1.0)
 
 
 @_register_law("forces at rest", exact=True)
@@ -240,37 +274,43 @@ def forces_at_rest_defect(evidence: Evidence) -> Defect:
     weight = evidence.data.rho * evidence.data.gravity
     force = evidence.r.fields.T_static[:, None] * evidence.rest_curve(s, 1)
     falls = force[0, 1] - force[:, 1] - weight * s
-    return _defect_at_rest(np.abs(force[:, 0] - H).max() / H, np.abs(falls).max() / (weight * s[-1]))
+    return _defect_without_position(np.abs(force[:, 0] - H).max() / H, np.abs(falls).max() / (weight * s[-1]))
 
 
 # --- travel and drive --------------------------------------------------------------------------------
 
 
 @_register_law("travel", lambda evidence: evidence.r.drive != "free", exact=True)
-def travel_defect(evidence: Evidence) -> Defect:
+def prescribed_travel_defect(evidence: Evidence) -> Defect:
     """s_o(t) is the travel of the TOML; over the length."""
-    r = evidence.r
-    law = evidence.data.travel
-    drive = evidence.data.drive
+    travel = evidence.data.travel
     l = evidence.r.fields.s[-1]
-    t = r.t[evidence.steps_in_windows]
-    s = r.s_o[evidence.steps_in_windows]
-    start = timetable.start_position(law, drive, l)
-    if law["kind"] == "table":
-        stop = min(t[-1], law.get("stop", {}).get("time", math.inf))
-        off = [0.0]
-        for (a, b), position in zip(pairwise(law["times"]), law["positions"][1:], strict=True):
-            piece = (r.t >= a) & (r.t <= b) & (r.t <= t[-1])
-            if piece.sum() >= 4 and t[0] <= b <= stop:
-                off.append(np.polyfit(r.t[piece][-4:] - b, r.s_o[piece][-4:], 3)[-1] - (position + start))
-        return _defect_at_rest(float(np.abs(off).max()) / l)
-    want = timetable.positions_at(law, drive, l, t)
-    worst = np.argmax(np.abs(s - want))
-    return Defect(s[worst, None] / l, (s - want)[worst, None, None] / l)
+    if travel["kind"] == "table":
+        return _defect_without_position(_largest_gap_to_table(evidence) / l)
+    t = evidence.r.t[evidence.steps_in_windows_off_supports]
+    s = evidence.r.s_o[evidence.steps_in_windows_off_supports]
+    off = s - timetable.positions_at(travel, evidence.data.drive, l, t)
+    worst = np.argmax(np.abs(off))
+    return Defect(s[worst, None] / l, off[worst, None, None] / l)
 
 
-def _speed_after_stop(evidence: Evidence) -> float:
-    """Speed [m/s] above `rest_speed` of a stopped car, over its last axial round trip."""
+def _largest_gap_to_table(evidence: Evidence) -> float:
+    """Largest gap [m] of s_o to a travel's table, at the ends of its pieces within the windows."""
+    r = evidence.r
+    travel = evidence.data.travel
+    t = r.t[evidence.steps_in_windows_off_supports]
+    start = timetable.start_position(travel, evidence.data.drive, r.fields.s[-1])
+    stop = min(t[-1], travel.get("stop", {}).get("time", math.inf))
+    off = [0.0]
+    for (a, b), position in zip(pairwise(travel["times"]), travel["positions"][1:], strict=True):
+        piece = (r.t >= a) & (r.t <= b) & (r.t <= t[-1])
+        if piece.sum() >= 4 and t[0] <= b <= stop:
+            off.append(np.polyfit(r.t[piece][-4:] - b, r.s_o[piece][-4:], 3)[-1] - (position + start))
+    return float(np.abs(off).max())
+
+
+def _excess_speed_after_stop(evidence: Evidence) -> float:
+    """Speed [m/s] beyond `rest_speed` of a stopped car, a mean over the last axial round trip of the run."""
     r = evidence.r
     duration = min(r.t[-1] - r.t[0], evidence.data.round_trip)
     distance = abs(r.s_o[-1] - np.interp(r.t[-1] - duration, r.t, r.s_o))
@@ -278,31 +318,33 @@ def _speed_after_stop(evidence: Evidence) -> float:
 
 
 @_register_law("drive", _car_rolls, exact=True)
-def drive_defect(evidence: Evidence) -> Defect:
+def drive_and_event_defect(evidence: Evidence) -> Defect:
     """Start, brakes, arrival and thrust are those of the TOML; over length, time, top speed, thrust."""
     r = evidence.r
     drive = evidence.data.drive
     l = evidence.r.fields.s[-1]
     T = evidence.r.t[-1]
-    times, forces = evidence.thrust_history
+    times, forces = evidence.thrust_times_and_forces
     start = timetable.start_position(evidence.data.travel, drive, l)
     off = [(r.s_o[0] - start) / l]
-    expected = {
+    expected = {  # of each event: what is expected where, and the scale of its defect
         "release": ("t", T, [drive.get("release", 0.0)]), "thrust_end": ("t", T, times[-1:].tolist()),
         "brake": ("s_o", l, [brake["from"] for brake in drive.get("brake", [])]),
         "arrival": ("s_o", l, [drive.get("end", {}).get("place", 0.99 * l)]),
         "back": ("s_o", l, [0.5 * min(start, 0.01 * l)]),
     }  # fmt: skip
-    for x in r.events:
-        off.append((np.interp(x["t"], r.t, r.s_o) - x["s_o"]) / l)
-        speed = _speed_after_stop(evidence) if x["event"] == "stop" else np.interp(x["t"], r.t, r.speed)
-        off.append((speed - x["speed"]) / float(r.speed.max()))
-        of, scale, wanted = expected.get(x["event"], ("t", 1.0, []))
-        off += [min(abs(x[of] - y) for y in wanted) / scale] if wanted else []
+    for event in r.events:
+        stops = event["event"] == "stop"
+        speed = _excess_speed_after_stop(evidence) if stops else np.interp(event["t"], r.t, r.speed)
+        off.append((np.interp(event["t"], r.t, r.s_o) - event["s_o"]) / l)
+        off.append((speed - event["speed"]) / float(r.speed.max()))
+        column, scale, values = expected.get(event["event"], ("t", 1.0, []))
+        if values:
+            off.append(min(abs(event[column] - value) for value in values) / scale)
     if r.drive == "free" and forces.any():
         smooth = np.abs(r.t[:, None] - times).min(axis=1) > 1e-6 * T
-        off.append(np.abs(r.F_haul - evidence.thrust_force)[smooth].max() / float(np.abs(forces).max()))
-    return _defect_at_rest(float(np.abs(off).max()))
+        off.append(np.abs(r.F_haul - evidence.thrust_or_haul_force)[smooth].max() / float(np.abs(forces).max()))
+    return _defect_without_position(float(np.abs(off).max()))
 
 
 def _starts_off_supports(evidence: Evidence) -> bool:
@@ -310,18 +352,18 @@ def _starts_off_supports(evidence: Evidence) -> bool:
 
 
 @_register_law("car at rest", lambda evidence: _car_rolls(evidence) and _starts_off_supports(evidence), at_start=True)
-def car_at_rest_defect(evidence: Evidence) -> Defect:
+def car_start_at_rest_defect(evidence: Evidence) -> Defect:
     """A car that rolls begins where the cable at rest holds it, clamped or on its rope; over the largest deflection."""
     r = evidence.r
     data = evidence.data
     friction = None if r.drive == "free" else data.drive.get("rolling_friction", 0.0)
     supports = (data.span, data.drop)
-    weights = (data.rho * data.gravity, data.weight)
-    want = rest.car_position_at_rest(
-        supports, data.EA, weights[0], r.length, r.horizontal_tension, float(r.s_o[0]), weights[1], friction
+    cable_weight = data.rho * data.gravity  # [N/m]
+    expected = rest.car_position_at_rest(
+        supports, data.EA, cable_weight, r.length, r.horizontal_tension, float(r.s_o[0]), data.weight, friction
     )
-    off = np.array([r.x[0], r.y[0]]) - want
-    return _defect_at_rest(*(off / r.max_deflection))
+    off = np.array([r.x[0], r.y[0]]) - expected
+    return _defect_without_position(*(off / r.max_deflection))
 
 
 # --- the mass, at steps --------------------------------------------------------------------------------
@@ -331,65 +373,67 @@ def car_at_rest_defect(evidence: Evidence) -> Defect:
 def position_less_displacement_defect(evidence: Evidence) -> Defect:
     """p = X(s_o) + w; over the largest deflection."""
     r = evidence.r
-    k = evidence.steps_in_windows
+    k = evidence.steps_in_windows_off_supports
     off = np.stack([r.x - r.u, r.y - r.v], axis=1)[k] - evidence.rest_curve(r.s_o[k])
-    return _defect_at_rest(float(np.abs(off).max()) / r.max_deflection)
+    return _defect_without_position(float(np.abs(off).max()) / r.max_deflection)
 
 
-@_register_law("strain at the mass", _knows_strain, exact=True)
-def strain_at_mass_defect(evidence: Evidence) -> Defect:
+@_register_law("strain at the mass", _has_separate_pointwise_tension, exact=True)
+def pointwise_tension_defect(evidence: Evidence) -> Defect:
     """Pointwise tension is T + EA (|r'| - 1), cut at zero without compression; over H."""
     r = evidence.r
-    k = evidence.steps_in_windows
+    k = evidence.steps_in_windows_off_supports
     f = evidence.r.fields
     T = CubicSpline(f.s, f.T_static)(r.s_o[k])
     off = []
     for slope, stored in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
         N = T + evidence.data.EA * (np.hypot(*slope[k].T) - 1.0)
-        off.append(stored[k] - np.where(_law_is_tension_only(r, r.t[k]), np.maximum(N, 0.0), N))
-    return _defect_at_rest(*(np.abs(np.array(off)).max(axis=1) / r.horizontal_tension))
+        off.append(stored[k] - np.where(_excludes_compression_at(r, r.t[k]), np.maximum(N, 0.0), N))
+    return _defect_without_position(*(np.abs(np.array(off)).max(axis=1) / r.horizontal_tension))
 
 
 @_register_law("speed of the mass")
 def mass_velocity_defect(evidence: Evidence) -> Defect:
     """The mass moves by the integral of its velocity; over top speed times window."""
     r = evidence.r
-    conserved = np.stack([r.x, r.y], axis=1) - evidence.impulse(r.velocity)
-    return _defect_of_change_at_steps(evidence, conserved, float(r.speed.max()) * evidence.window_duration)
+    conserved = np.stack([r.x, r.y], axis=1) - evidence.time_integral(r.velocity)
+    return _step_series_change_defect(evidence, conserved, float(r.speed.max()) * evidence.mean_window_duration)
 
 
-def _momentum_defect_of_mass(evidence: Evidence, force: Array) -> Defect:
+def _mass_momentum_defect(evidence: Evidence, rope_force: Array) -> Defect:
     """Change of the car's momentum by the force of the rope (n, 2) [N] and all others; over M g times window."""
     r = evidence.r
     weight = evidence.data.weight
-    force = force + weight * DOWN
+    force = rope_force + weight * DOWN
     if r.drive != "grip":
         mean = r.slope_behind + r.slope_ahead
-        force = force + evidence.thrust_force[:, None] * mean / np.hypot(*mean.T)[:, None] + evidence.air_drag
-    conserved = evidence.data.mass * r.velocity - evidence.impulse(force)
-    return _defect_of_change_at_steps(evidence, conserved, weight * evidence.window_duration)
+        drive = evidence.thrust_or_haul_force[:, None] * mean / np.hypot(*mean.T)[:, None]  # (n, 2)
+        force = force + drive + evidence.air_drag_force
+    conserved = evidence.data.mass * r.velocity - evidence.time_integral(force)
+    return _step_series_change_defect(evidence, conserved, weight * evidence.mean_window_duration)
 
 
 @_register_law("momentum of the mass")
-def mass_momentum_defect(evidence: Evidence) -> Defect:
+def momentum_by_contact_defect(evidence: Evidence) -> Defect:
     """M (v_2 - v_1) is the impulse of weight, contact and outer forces; over M g times window."""
-    return _momentum_defect_of_mass(evidence, -evidence.r.contact)
+    return _mass_momentum_defect(evidence, -evidence.r.contact)
 
 
 @_register_law("impulse", quantity="impulse")
-def mass_impulse_defect(evidence: Evidence) -> Defect:
+def momentum_by_tensions_defect(evidence: Evidence) -> Defect:
     """M (v_2 - v_1) by the force [ N t - rho ds_o^2 r' ] of both tensions; over M g times window."""
 
     r = evidence.r
 
-    def force(T: Array, slope: Array) -> Array:
+    def momentum_flux(T: Array, slope: Array) -> Array:
         return (T / np.hypot(*slope.T) - evidence.data.rho * evidence.travel_speed**2)[:, None] * slope
 
-    return _momentum_defect_of_mass(evidence, force(r.T_ahead, r.slope_ahead) - force(r.T_behind, r.slope_behind))
+    ahead = momentum_flux(r.T_ahead, r.slope_ahead)
+    return _mass_momentum_defect(evidence, ahead - momentum_flux(r.T_behind, r.slope_behind))
 
 
 @_register_law("tension on both sides", _car_rolls)
-def tension_jump_defect(evidence: Evidence) -> Defect:
+def rolling_car_tension_jump_defect(evidence: Evidence) -> Defect:
     """The tension jump at a rolling car is friction plus brakes; over M g times window.
 
     [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); at most that for a slow car.
@@ -397,40 +441,40 @@ def tension_jump_defect(evidence: Evidence) -> Defect:
     r = evidence.r
     data = evidence.data
     jump = (r.T_ahead - r.T_behind) * (1.0 - data.rho * evidence.travel_speed**2 / data.EA)
-    resistance = np.sum(evidence.rolling_friction_and_brakes, axis=0)
+    resistance = np.sum(evidence.rolling_friction_and_brake_force, axis=0)
     slowest = 0.05  # of the top speed: below it friction's direction is not checked
     rolls = np.abs(evidence.travel_speed) > slowest * np.abs(evidence.travel_speed).max()
     of_slow = np.sign(jump) * np.maximum(np.abs(jump) - resistance, 0.0)
     defect = np.where(rolls, jump + resistance * np.sign(evidence.travel_speed), of_slow)  # (n,)
     released = r.t >= data.drive.get("release", 0.0)
-    impulse = evidence.impulse(np.where(released, defect, 0.0)[:, None])
-    return _defect_of_change_at_steps(evidence, impulse, data.weight * evidence.window_duration)
+    impulse = evidence.time_integral(np.where(released, defect, 0.0)[:, None])
+    return _step_series_change_defect(evidence, impulse, data.weight * evidence.mean_window_duration)
 
 
 # --- the cable, at frames ------------------------------------------------------------------------------
 
 
-def _may_be_tension_only(evidence: Evidence) -> bool:
+def _ever_excludes_compression(evidence: Evidence) -> bool:
     return evidence.r.switched is not None or evidence.r.law == "tension-only"
 
 
-@_register_law("compression", _may_be_tension_only, exact=True)
+@_register_law("compression", _ever_excludes_compression, exact=True)
 def compression_defect(evidence: Evidence) -> Defect:
     """A tension-only cable has no compression; over H."""
     r = evidence.r
-    T = r.fields.T_pointwise[_law_is_tension_only(r, r.fields.t)] / r.horizontal_tension
-    return _defect_at_rest(float(np.clip(T, -1.0, 0.0).min(initial=0.0)))
+    T = r.fields.T_pointwise[_excludes_compression_at(r, r.fields.t)] / r.horizontal_tension
+    return _defect_without_position(float(np.clip(T, -1.0, 0.0).min(initial=0.0)))
 
 
 @_register_law("least tension", quantity="tension_min", tolerance_kind="")
-def min_tension_defect(evidence: Evidence) -> Defect:
+def min_tension_at_steps_defect(evidence: Evidence) -> Defect:
     """The smallest tension at steps is that at frames; over H."""
     r = evidence.r
     f = r.fields
-    k = evidence.window_frames
+    k = evidence.window_frame_indices
     of_frames = np.minimum(f.T[k].min(axis=1), np.minimum(f.T_behind[k], f.T_ahead[k]))
-    of_steps = evidence.interpolated_at(evidence.t, r.tension_min[:, None])[:, 0]
-    return _defect_at_frames(evidence, (of_steps - of_frames) / r.horizontal_tension)
+    of_steps = evidence.interpolate_steps(evidence.window_times, r.tension_min[:, None])[:, 0]
+    return _defect_at_window_frames(evidence, (of_steps - of_frames) / r.horizontal_tension)
 
 
 @_register_law("slack onset")
@@ -440,13 +484,13 @@ def slack_onset_defect(evidence: Evidence) -> Defect:
     See `_slack_onset_offset`; within two steps.
     """
     r = evidence.r
-    steps = evidence.steps_in_windows & (r.t > 0.0)
+    steps = evidence.steps_in_windows_off_supports & (r.t > 0.0)
     last = int(np.flatnonzero(steps)[-1])
     end = float(r.t[last])
     steps[last : last + 3] = True
     offset = _slack_onset_offset(r, min(r.slack_time_or_inf, end), steps)
     two_steps = 2.0 * float(np.abs(np.diff(r.s_o)).max()) / r.length
-    return _defect_at_rest(max(0.0, (abs(offset) if r.slack_time_or_inf <= end else -offset) - two_steps))
+    return _defect_without_position(max(0.0, (abs(offset) if r.slack_time_or_inf <= end else -offset) - two_steps))
 
 
 def _slack_onset_offset(r: Response, t: float, steps: NDArray[np.bool_]) -> float:
@@ -462,46 +506,58 @@ def _slack_onset_offset(r: Response, t: float, steps: NDArray[np.bool_]) -> floa
 
 
 @_register_law("fields at the mass")
-def fields_at_mass_defect(evidence: Evidence) -> Defect:
+def mass_displacement_at_frames_defect(evidence: Evidence) -> Defect:
     """Displacement of the mass at frames is that at steps; over the largest deflection."""
     r = evidence.r
     f = evidence.r.fields
-    steps = CubicSpline(r.t, np.stack([r.s_o, r.u, r.v], axis=1))(evidence.t)
-    off = np.stack([f.s_o, f.mass_u, f.mass_v], axis=1)[evidence.window_frames] - steps
-    return _defect_at_frames(evidence, off / r.max_deflection)
+    steps = CubicSpline(r.t, np.stack([r.s_o, r.u, r.v], axis=1))(evidence.window_times)
+    off = np.stack([f.s_o, f.mass_u, f.mass_v], axis=1)[evidence.window_frame_indices] - steps
+    return _defect_at_window_frames(evidence, off / r.max_deflection)
 
 
-def _values_and_gaps_at_mass(evidence: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]:
-    """A field (m,) or (m, c) at the mass, and its gap to the extrapolation from either side; (k, 2 c)."""
-    fields = []
-    for pair in evidence.sides:
-        rows = [(x.s[::order][:3], of(x)[::order][:3]) for x, order in zip(pair, (-1, 1), strict=True)]
-        far = _can_extrapolate(pair)
-        at_mass = [far * y[0] for _, y in rows]
-        goes_on = [y[1] + (y[1] - y[2]) * (s[0] - s[1]) / (s[1] - s[2]) if far else 0.0 * y[0] for s, y in rows]
-        fields.append((at_mass, np.subtract(at_mass, goes_on)))
-    return tuple(np.reshape(x, (len(fields), -1)) for x in zip(*fields, strict=True))
+def _values_and_extrapolation_gaps(
+    evidence: Evidence, field_of_side: Callable[[Side], Array]
+) -> tuple[Array, ...]:  # fmt: skip
+    """A field (m,) or (m, c) at the mass, and its gap to the extrapolation from either side; (k, 2 c).
+
+    Both are zero at times at which it cannot be extrapolated.
+    """
+    at_all_times = []
+    for sides in evidence.sides_at_window_times:
+        can_extrapolate = _can_extrapolate_to_mass(sides)
+        values = []
+        gaps = []
+        for side, order in zip(sides, (-1, 1), strict=True):
+            s = side.s[::order][:3]
+            y = field_of_side(side)[::order][:3]  # from the mass on
+            extrapolated = 0.0 * y[0]
+            if can_extrapolate:
+                extrapolated = y[1] + (y[1] - y[2]) * (s[0] - s[1]) / (s[1] - s[2])
+            values.append(can_extrapolate * y[0])
+            gaps.append(can_extrapolate * y[0] - extrapolated)
+        at_all_times.append((values, gaps))
+    return tuple(np.reshape(x, (len(at_all_times), -1)) for x in zip(*at_all_times, strict=True))
 
 
-@_register_law("tension up to the mass", _mass_leaves_supports)
-def tension_field_at_mass_defect(evidence: Evidence) -> Defect:
+@_register_law("tension up to the mass", _can_extrapolate_at_any_frame)
+def tension_continuity_at_mass_defect(evidence: Evidence) -> Defect:
     """Tension along the cable tends to that at the mass, mean over frames after the start; over H."""
-    if not np.any(evidence.t > 0.0):
+    moving = evidence.window_times > 0.0
+    if not moving.any():
         return NOT_OBSERVED
-    _, off = _values_and_gaps_at_mass(evidence, lambda x: x.T)
-    moving = evidence.t > 0.0
-    s_o = evidence.r.fields.s_o[evidence.window_frames] / evidence.r.length
+    _, off = _values_and_extrapolation_gaps(evidence, lambda side: side.T)
+    s_o = evidence.r.fields.s_o[evidence.window_frame_indices] / evidence.r.length
     return Defect(s_o[moving], off[moving] / evidence.r.horizontal_tension, averaged=True)
 
 
-@_register_law("up to the mass", _mass_leaves_supports, quantity="velocity", tolerance_kind="")
-def velocity_continuity_defect(evidence: Evidence) -> Defect:
+@_register_law("up to the mass", _can_extrapolate_at_any_frame, quantity="velocity", tolerance_kind="")
+def velocity_continuity_at_mass_defect(evidence: Evidence) -> Defect:
     """Velocity of the cable tends to that at the mass; over its rms."""
-    if not np.any(evidence.t > 0.0):
+    if not np.any(evidence.window_times > 0.0):
         return NOT_OBSERVED
-    at_mass, off = _values_and_gaps_at_mass(evidence, lambda x: x.velocity)
+    at_mass, off = _values_and_extrapolation_gaps(evidence, lambda side: side.velocity)
     size = np.sqrt(np.mean(at_mass**2, axis=0))
-    return _defect_at_frames(evidence, off / size) if np.all(size > 0.0) else NOT_OBSERVED
+    return _defect_at_window_frames(evidence, off / size) if np.all(size > 0.0) else NOT_OBSERVED
 
 
 @_register_law("displacement from velocity", _frames_resolve_waves, quantity="velocity", tolerance_kind="velocity")
@@ -514,31 +570,37 @@ def displacement_from_velocity_defect(evidence: Evidence) -> Defect:
     # a station at the mass has the velocity behind it: the mean of both sides counts
     at = np.searchsorted(f.s, f.s_o * (1.0 - ROUNDING)).clip(max=f.s.size - 1)
     kink = evidence.r.slope_behind - evidence.r.slope_ahead
-    jump = evidence.interpolated_at(f.t, evidence.travel_speed[:, None] * kink)
+    jump = evidence.interpolate_steps(f.t, evidence.travel_speed[:, None] * kink)
     missing = 0.5 * sine[at] * (tangent[at, 0] * jump[:, 1] - tangent[at, 1] * jump[:, 0])
     dw += np.where(np.abs(f.s[at] - f.s_o) <= ROUNDING * f.s[-1], missing, 0.0)
     conserved = w - CubicSpline(f.t, dw).antiderivative()(f.t)
-    within = dw[evidence.window_frames[0] : evidence.window_frames[-1] + 1]
-    scale = math.sqrt(float(np.mean(within**2))) * evidence.window_duration
-    return _defect_of_change(evidence, conserved[evidence.window_frames, None], scale)
+    k = evidence.window_frame_indices
+    within = dw[k[0] : k[-1] + 1]
+    scale = math.sqrt(float(np.mean(within**2))) * evidence.mean_window_duration
+    return _window_change_defect(evidence, conserved[k, None], scale)
 
 
 @_register_law("stretch")
-def stretch_defect(evidence: Evidence) -> Defect:
+def tension_from_stretch_defect(evidence: Evidence) -> Defect:
     """Mean tension of half a side is that at rest plus EA times the curve's strain; over H."""
     off = []
-    for pair in evidence.sides:
-        longer = max(pair, key=lambda x: x.s[-1] - x.s[0])
-        for x in pair:
-            steps = np.diff(x.s)
-            N = x.T - x.T_static
-            stretched = _arc_lengths(x.points) - steps
-            missing = 0.5 * steps * (N[1:] + N[:-1]) - evidence.data.EA * stretched
-            missing = np.append(0.0, np.cumsum(missing))
-            middle = np.searchsorted(x.s, 0.5 * (x.s[0] + x.s[-1]))
-            cuts = np.array([0, middle, x.s.size - 1] if x is longer else [0, x.s.size - 1])
-            off += (np.diff(missing[cuts]) / np.diff(x.s[cuts])).tolist()
-    return _defect_at_frames(evidence, np.array(off) / evidence.r.horizontal_tension)
+    for sides in evidence.sides_at_window_times:
+        longer = max(sides, key=lambda side: side.s[-1] - side.s[0])
+        for side in sides:
+            off += _mean_tensions_less_stretch(side, evidence.data.EA, in_halves=side is longer)
+    return _defect_at_window_frames(evidence, np.array(off) / evidence.r.horizontal_tension)
+
+
+def _mean_tensions_less_stretch(side: Side, EA: float, in_halves: bool) -> list[float]:
+    """Mean tension [N] over that at rest less EA times the mean strain of the curve, of a side or of its halves."""
+    steps = np.diff(side.s)
+    N = side.T - side.T_static
+    stretched = _arc_lengths(side.points) - steps
+    missing = 0.5 * steps * (N[1:] + N[:-1]) - EA * stretched
+    missing = np.append(0.0, np.cumsum(missing))
+    middle = np.searchsorted(side.s, 0.5 * (side.s[0] + side.s[-1]))
+    cuts = np.array([0, middle, side.s.size - 1] if in_halves else [0, side.s.size - 1])
+    return (np.diff(missing[cuts]) / np.diff(side.s[cuts])).tolist()
 
 
 @_register_law("momentum of the cable")
@@ -548,13 +610,14 @@ def cable_momentum_defect(evidence: Evidence) -> Defect:
     rho = evidence.data.rho
     weight = rho * evidence.data.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
-    of_cable = evidence.cable_integrals["velocity"] + evidence.damping * evidence.cable_integrals["points"]
-    conserved = rho * of_cable - evidence.impulse_at_window_ends(force)
-    return _defect_of_change(evidence, conserved, (weight + evidence.data.weight) * evidence.window_duration)
+    of_cable = evidence.cable_integrals["velocity"] + evidence.damping_rate * evidence.cable_integrals["points"]
+    conserved = rho * of_cable - evidence.time_integral_at_window_times(force)
+    total_weight = weight + evidence.data.weight
+    return _window_change_defect(evidence, conserved, total_weight * evidence.mean_window_duration)
 
 
 @_register_law("moment of momentum")
-def angular_momentum_defect(evidence: Evidence) -> Defect:
+def cable_angular_momentum_defect(evidence: Evidence) -> Defect:
     """rho int r x r. ds about the left support changes by the impulse of moments; over weight, span and window."""
     r = evidence.r
     data = evidence.data
@@ -563,11 +626,11 @@ def angular_momentum_defect(evidence: Evidence) -> Defect:
     moment = cross_product(right, r.reaction_right) + cross_product(np.stack([r.x, r.y], axis=1), r.contact)
     own = weight * evidence.lever_integral
     spin = evidence.cable_integrals["spin"]
-    if evidence.damping:
-        spin = spin + evidence.damping * evidence.swept_area_integral
-    conserved = (data.rho * spin - own)[:, None] - evidence.impulse_at_window_ends(moment[:, None])
+    if evidence.damping_rate:
+        spin = spin + evidence.damping_rate * evidence.swept_area_integral
+    conserved = (data.rho * spin - own)[:, None] - evidence.time_integral_at_window_times(moment[:, None])
     total_weight = weight * r.fields.s[-1] + data.weight
-    return _defect_of_change(evidence, conserved, total_weight * data.span * evidence.window_duration)
+    return _window_change_defect(evidence, conserved, total_weight * data.span * evidence.mean_window_duration)
 
 
 # --- energy; all over weight times largest deflection ---------------------------------------------------
@@ -580,31 +643,34 @@ def _total_power(powers: dict[str, Array]) -> Array:
 @_register_law("energy", quantity="energy")
 def energy_balance_defect(evidence: Evidence) -> Defect:
     """Energy of cable and mass changes by the work of the drive, until slack: a snapping cable loses some."""
-    work = evidence.impulse_at_window_ends(_total_power(evidence.powers)[:, None])
-    conserved = evidence.kinetic_potential_strain.sum(axis=1)[:, None] - work
-    defect = _defect_of_change(evidence, conserved, evidence.energy_scale)
-    return Defect(defect.s_o, np.where((evidence.t[1:] <= evidence.r.slack_time_or_inf)[:, None], defect.value, 0.0))
+    work = evidence.time_integral_at_window_times(_total_power(evidence.powers_by_source)[:, None])
+    conserved = evidence.kinetic_potential_strain_energies.sum(axis=1)[:, None] - work
+    defect = _window_change_defect(evidence, conserved, evidence.energy_scale)
+    taut = evidence.window_times[1:] <= evidence.r.slack_time_or_inf
+    return Defect(defect.s_o, np.where(taut[:, None], defect.value, 0.0))
 
 
 @_register_law("parts of the energy", lambda evidence: bool(np.isfinite(evidence.r.kinetic).any()))
-def energy_parts_defect(evidence: Evidence) -> Defect:
+def stored_energies_defect(evidence: Evidence) -> Defect:
     """Energies are those of the run, and sum to the total."""
     r = evidence.r
     stored = np.stack([r.kinetic, r.potential, r.strain, r.energy], axis=1)
-    total = evidence.interpolated_at(evidence.t, np.sum(stored[:, :3], axis=1)[:, None])
-    own = np.concatenate([evidence.kinetic_potential_strain, total], axis=1)
-    return _defect_of_change(evidence, evidence.interpolated_at(evidence.t, stored) - own, evidence.energy_scale)
+    total = evidence.interpolate_steps(evidence.window_times, np.sum(stored[:, :3], axis=1)[:, None])
+    computed = np.concatenate([evidence.kinetic_potential_strain_energies, total], axis=1)  # (k, 4)
+    off = evidence.interpolate_steps(evidence.window_times, stored) - computed
+    return _window_change_defect(evidence, off, evidence.energy_scale)
 
 
 @_register_law("power")
-def power_defect(evidence: Evidence) -> Defect:
+def stored_powers_defect(evidence: Evidence) -> Defect:
     """Work of drive and outer forces is that of the run, each and in total; of a grip by its pointwise tensions."""
     r = evidence.r
-    own = evidence.powers
+    computed = evidence.powers_by_source
     if r.drive == "grip":
-        own = own | {"grip": evidence.grip_power(r.T_behind_pointwise, r.T_ahead_pointwise)}
-    off = [r.power - _total_power(own), *(r.powers[name] - own[name] for name in own if name in r.powers)]
-    return _defect_of_change_at_steps(evidence, evidence.impulse(np.stack(off, axis=1)), evidence.energy_scale)
+        computed = computed | {"grip": evidence.grip_power(r.T_behind_pointwise, r.T_ahead_pointwise)}
+    of_sources = [r.powers[name] - computed[name] for name in computed if name in r.powers]
+    off = [r.power - _total_power(computed), *of_sources]
+    return _step_series_change_defect(evidence, evidence.time_integral(np.stack(off, axis=1)), evidence.energy_scale)
 
 
 def _arc_lengths(points: Array) -> Array:

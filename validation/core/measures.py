@@ -286,13 +286,13 @@ def rms_displacement_gap(
 
 def energy_defect(r: Response) -> Array:
     """(n,) [J]: E(t) - E(0) minus the work of the drive; entry with speed is a jump of force."""
-    from validation.core.evidence import integral  # slow to load
+    from validation.core.evidence import cumulative_integral  # slow to load
 
     power = r.power[:, None].copy()
     enters_with_speed = r.drive == "grip" and r.speed[0] > 0.0
     if enters_with_speed and scheme(r.settings["scheme"]).nodes:
         power[:1] = power[1:2]
-    return r.energy - r.energy[0] - integral(r.t, power, r.force_jump_times)[:, 0]
+    return r.energy - r.energy[0] - cumulative_integral(r.t, power, r.force_jump_times)[:, 0]
 
 
 def relative_energy_gain(r: Response, weight: float, window: Window) -> float:

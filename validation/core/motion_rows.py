@@ -191,7 +191,7 @@ class LineComparison:
         a = self.a.finest
         gap = distances(values_at_instants(a), values_at_instants(self.b.finest))
         # of the largest change, as a path's: at single instants a phase that shifts hides the order
-        parts = [ladder.bar_parts(values_at_instants, gap_size) for ladder in (self.a, self.b)]
+        parts = [ladder.bars_in_space_and_time(values_at_instants, gap_size) for ladder in (self.a, self.b)]
         instants = a.instants[a.instants <= self.end * (1.0 + 1e-12)]
         where = None if rms else f"t = {instants[int(np.argmax(gap))]:.4g} s"
         return self._row_with_bars(quantity, size(gap), parts, norm.required, law, where)
@@ -278,7 +278,7 @@ class LineComparison:
             return float(np.sqrt(np.mean((a - b) ** 2))) / scale
 
         gap = rms(values_at_instants(self.a.finest), values_at_instants(self.b.finest))
-        parts = [ladder.bar_parts(values_at_instants, rms) for ladder in (self.a, self.b)]
+        parts = [ladder.bars_in_space_and_time(values_at_instants, rms) for ladder in (self.a, self.b)]
         return self._row_with_bars(quantity, gap, parts, self.tolerance.fields)
 
     def _energy_balance_rows(self) -> Iterator[Agreement]:
@@ -358,7 +358,7 @@ def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., A
         return float(np.max(np.abs(values), initial=0.0))
 
     gap = size(of_all_steps)
-    space, time = ladder.bar_parts(comparable_defect)
+    space, time = ladder.bars_in_space_and_time(comparable_defect)
     sampled = of_every_second, defect(with_every_second_station(ladder.finest))
     sampling = 3.0 * sum(abs(gap - size(values)) for values in sampled)
     parts = (BoundPart("ladder", space + time), BoundPart("sampling", sampling))

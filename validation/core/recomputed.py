@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
-from validation.core.evidence import Evidence, Windows, cross_product, integral
+from validation.core.evidence import Evidence, Windows, cross_product, cumulative_integral
 from validation.core.measures import (
     JUMP_WIDTH,
     last_time_valid_in_all,
@@ -437,11 +437,11 @@ def check_energy_of_ride(r: Response) -> Agreement:
     """
     evidence = Evidence(r, Windows(r.fields.t[::2], r.t))
     gap = _relative_unexplained_energy(evidence)
-    thin = evidence.without_every_second_step().without_every_second_station()
+    thin = evidence.without_every_second_step().without_every_second_station_and_frame()
     statics = 1e-5  # of the energy: interpolation of the cable at rest
     allowed = 3.0 * float(np.abs(gap - _relative_unexplained_energy(thin)).max()) + statics
     k = int(np.abs(gap).argmax())
-    where = float(r.fields.s_o[evidence.window_frames][k] / r.length)
+    where = float(r.fields.s_o[evidence.window_frame_indices][k] / r.length)
     return _recomputed_row(r, "energy", "quasi-static", float(np.abs(gap[k])), allowed, where)
 
 
@@ -455,17 +455,17 @@ def _relative_unexplained_energy(evidence: Evidence) -> Array:
     speed = _speed(r)[:, None]
     car = 0.5 * data.mass * speed[:, 0] ** 2 - data.weight * r.y
     of_rope = evidence.cable_integrals["kinetic_potential_strain"][:, 1:].sum(axis=1)  # without its motion (k,)
-    energy = np.interp(evidence.t, r.t, car) + of_rope
+    energy = np.interp(evidence.window_times, r.t, car) + of_rope
     along = np.divide(r.velocity, speed, out=np.zeros_like(r.velocity), where=speed > 0.0)  # the path (n, 2)
     # force of the rope on the car (n, 2)
-    pressed = data.mass * (r.acceleration - [0.0, data.gravity]) - evidence.air_drag
+    pressed = data.mass * (r.acceleration - [0.0, data.gravity]) - evidence.air_drag_force
     normal = np.abs(cross_product(along, pressed))
     stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
     friction = -data.drive.get("rolling_friction", 0.0) * normal * stretch * np.abs(evidence.travel_speed)
-    powers = evidence.powers | {"friction": friction}
+    powers = evidence.powers_by_source | {"friction": friction}
     if r.drive == "free":  # thrust acts along the path
-        powers["thrust"] = evidence.thrust_force * speed[:, 0] * np.sign(evidence.travel_speed)
+        powers["thrust"] = evidence.thrust_or_haul_force * speed[:, 0] * np.sign(evidence.travel_speed)
     power = np.sum([*powers.values()], axis=0)
-    work = np.interp(evidence.t, r.t, integral(r.t, power[:, None], r.force_jump_times)[:, 0])
+    work = np.interp(evidence.window_times, r.t, cumulative_integral(r.t, power[:, None], r.force_jump_times)[:, 0])
     unexplained = energy - work
     return np.asarray((unexplained - unexplained[0]) / (data.weight * max(np.ptp(r.y), r.max_deflection)))

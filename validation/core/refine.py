@@ -183,7 +183,7 @@ def refine_to_tolerance(
         goal = Goal(path_bar_parts(ladder, runs.view), tol)
         progress(0.3, f"{len(runs.made)} runs, bar {goal.bar:.1g} of {tol:g} wanted")
         broken = 0 if math.isfinite(goal.bar) else broken + 1
-        if goal.excess <= 1.0 or broken == max_broken:
+        if goal.bar_over_target <= 1.0 or broken == max_broken:
             break
         in_space, _ = goal.parts
         steps_too_long = ratio > 1.0 and not in_space < bar_before / ratio**MIN_ORDER  # for a finer mesh
@@ -198,7 +198,7 @@ def refine_to_tolerance(
         settings = finer
     ladder = runs.continued_with_error_bars(ladder)
     progress(1.0)
-    if goal.excess <= 1.0:
+    if goal.bar_over_target <= 1.0:
         return ladder
     raise TooCoarse(ladder, goal.bar, tol)
 
@@ -208,7 +208,7 @@ def refine_until_goal_met(
 ) -> Ladder:
     """A ladder refined until the goal that it has is met, or it costs too much."""
     method = find_method(ladder.finest.method)
-    while (now := goal(ladder)).excess > 1.0:
+    while (now := goal(ladder)).bar_over_target > 1.0:
         finer = next_settings(method, ladder, now, budget)
         if finer is None:
             break
@@ -310,7 +310,8 @@ def bar_parts_of_gap(ladder: Ladder, view: View, gap: Gap, order: float = math.i
         view = view.cut_to_valid_range(ladder.finest)
     except NotComparable:
         return math.inf, math.inf
-    return ladder.reaching_end_of(view).bar_parts(identity, lambda fine, coarse: gap(coarse, fine, view), order)
+    covering = ladder.only_runs_covering(view)
+    return covering.bars_in_space_and_time(identity, lambda fine, coarse: gap(coarse, fine, view), order)
 
 
 def with_error_bars(ladder: Ladder, view: View) -> Ladder:
@@ -319,7 +320,7 @@ def with_error_bars(ladder: Ladder, view: View) -> Ladder:
     try:
         path = path_bar_parts(ladder, view)
         view = view.cut_to_valid_range(finest)
-        tension = ladder.reaching_end_of(view).bar_parts(
+        tension = ladder.only_runs_covering(view).bars_in_space_and_time(
             identity, lambda a, b: measures.rms_tension_gap(a, b, view.window), FIRST
         )
         measures.relative_path_gap(finest, finest, view.window)

@@ -156,8 +156,8 @@ def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) ->
         view = full.cut_to_valid_range(a.finest, b.finest)
     except NotComparable as why:
         return [Agreement("path_max", math.nan, no_bound(why)), *rows]
-    a = a.reaching_end_of(view)
-    b = b.reaching_end_of(view)
+    a = a.only_runs_covering(view)
+    b = b.only_runs_covering(view)
     for quantity in TABLE:
         if quantity.concerns(view) and all(_is_known(quantity, x.finest, view) for x in (a, b)):
             rows.append(_quantity_row(quantity, a, b, view, tolerance(quantity.tolerance_kind)))
@@ -178,8 +178,8 @@ def check_laws(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list
         view = View.of_scene(scene).cut_to_valid_range(a.finest, b.finest)
     except NotComparable:
         return []
-    ladders = a.reaching_end_of(view), b.reaching_end_of(view)
-    return list(_worse_of(row for x in ladders for row in laws.check_laws_in_si(x, view.window, view.until, tolerance)))
+    ladders = a.only_runs_covering(view), b.only_runs_covering(view)
+    return list(_worse_of(row for x in ladders for row in laws.law_rows_in_si(x, view.window, view.until, tolerance)))
 
 
 def worst_force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
@@ -190,11 +190,11 @@ def worst_force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
         view = View.of_scene(scene).cut_to_valid_range(ladder.finest)
     except NotComparable:
         return worst
-    over = ladder.reaching_end_of(view)
+    over = ladder.only_runs_covering(view)
     for quantity in TABLE:
         if quantity.tolerance_kind == "force" and quantity.concerns(view) and _is_known(quantity, over.finest, view):
-            parts = over.bar_parts(identity, partial(_gap_in_view, quantity, view))
-            worst = max(worst, Goal(parts, required, FIRST), key=lambda goal: goal.excess)
+            parts = over.bars_in_space_and_time(identity, partial(_gap_in_view, quantity, view))
+            worst = max(worst, Goal(parts, required, FIRST), key=lambda goal: goal.bar_over_target)
     return worst
 
 
@@ -233,7 +233,7 @@ def _functional_row(
     order: float = 1.0,
 ) -> Agreement:
     gap = distance(of(b.finest), of(a.finest))
-    return _row_with_bars(name, gap, a, b, [x.bar_parts(of, distance, order) for x in (a, b)], required)
+    return _row_with_bars(name, gap, a, b, [x.bars_in_space_and_time(of, distance, order) for x in (a, b)], required)
 
 
 def _row_with_bars(

@@ -143,7 +143,7 @@ def grid_points_from_options(
     out = []
     faults = []
     for values in points:
-        changes, settings = grid.split_settings(values, ("gravity", "ground", "title"))
+        changes, settings = grid.split_scene_and_method_settings(values, ("gravity", "ground", "title"))
         source = f"--set {', '.join(changes)}"
         if cases:
             name = settings.pop("case")

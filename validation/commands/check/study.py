@@ -212,7 +212,7 @@ class _MethodOnScene:
         goals = [goal for row in coarse for goal in _goals_for_row(row, self.method.name, for_larger_bar)]
         if not goals:
             return None
-        worst = max(goals, key=lambda goal: goal.excess)
+        worst = max(goals, key=lambda goal: goal.bar_over_target)
         return next_settings(self.method, ladder, worst, self.budget)
 
     def rerun_unless_none(self, settings: Settings | None, before: Ladder, progress: Progress) -> Ladder:
