@@ -66,7 +66,7 @@ class GalerkinSystem(System):
         self.cable: Any = cable_model(groups, model, law)
         self.motion: Any = groups.motion  # None for a free car
         self.inertia = self.mu if load == "mass" else 0.0
-        self.path_form = self.at_support = load == "mass" and not basis.smooth
+        self.path_form = self.at_support = load == "mass" and not basis.has_second_derivative
         self.fields = self.cable.fields
         self.n = self.basis.n
         self.has_compiled_steps = self.fields == 2 and isinstance(basis, Fourier)  # as `sines_by_rules` needs
@@ -165,7 +165,7 @@ class GalerkinSystem(System):
 
     def sines_by_rules(self, s_o: Array) -> Iterator[tuple[slice, kernels.CableSines]]:
         """Runs of consecutive places s_o (m,) with the same rules, and their `CableSines`."""
-        for same, behind, ahead in self.sines.runs_of_equal_rules(s_o):
+        for same, behind, ahead in self.sines.runs_of_equal_gauss_rules(s_o):
             yield same, self._cable_sines(behind, ahead)
 
     def _cable_sines(self, behind: Array, ahead: Array) -> kernels.CableSines:
@@ -285,7 +285,7 @@ class GalerkinSystem(System):
         Rows of phi in the limit: M0 v_phi + I v_hat = 0,  M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0.
         """
         value, first, _ = (y[0] for y in self.basis.hat_overlaps_and_derivatives(np.array([0.0])))
-        rest, drag = np.linalg.solve(self.basis.basis.mass(), np.stack([value, first], axis=1)).T
+        rest, drag = np.linalg.solve(self.basis.basis.mass_matrix(), np.stack([value, first], axis=1)).T
         m = 1.0 / 3.0 - value @ rest
         b = 1.0 / 3.0 + 2.0 * value @ drag
         return np.append(-rest, 1.0), np.append(drag, 0.0), m, b

@@ -35,7 +35,7 @@ class FullCable:
         self.weight = np.array([0.0, groups.sigma])
 
     def tables_at(self, basis: Any, s_o: float) -> kernels.Points:
-        s, weights, phi = basis.slopes(s_o)
+        s, weights, phi = basis.quadrature_with_slopes(s_o)
         T, xp, yp, _, _ = self.groups.tension_and_shape_derivatives(s)
         return kernels.Points(s, phi, weights, T, np.array([xp, yp]))
 
@@ -106,7 +106,7 @@ class ChordCable:
         self.static_min_tension = float(groups.tension_and_shape_derivatives(self.min_tension_at)[0])
 
     def tables_at(self, basis: Any, s_o: float) -> tuple[Array, Array]:
-        return basis.stiffness(s_o), -self.curvature * basis.integral()
+        return basis.stiffness_matrix(s_o), -self.curvature * basis.integrals()
 
     def _chord_force_increment_and_gradient(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
         """S w, h, and (dh/dQ)/(alpha lam)."""

@@ -15,5 +15,5 @@ def scaled_frequencies(groups: Groups, basis: Basis, *, model: str = "full", n: 
     moving = KinkedBasis(basis, kink=False)
     tables: Any = cable.tables_at(moving, 0.5)
     K = cable.linearise(tables, np.zeros((cable.fields, basis.n)))[2]
-    M = np.kron(np.eye(cable.fields), basis.mass())
+    M = np.kron(np.eye(cable.fields), basis.mass_matrix())
     return np.sqrt(eigh(K, M, eigvals_only=True, subset_by_index=(0, n - 1)))

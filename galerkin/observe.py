@@ -87,7 +87,7 @@ class Measures:
         if self.system.path_form:
             _, w_t, w_tt = self.path_form
         else:
-            bend = sum_of_functions(Q, basis.phi(self.s_o, 2)) if basis.smooth else np.zeros_like(w)
+            bend = sum_of_functions(Q, basis.phi(self.s_o, 2)) if basis.has_second_derivative else np.zeros_like(w)
             w_t = sum_of_functions(V, phi) + self.v[..., -1] + ds_o * w_s
             w_tt = sum_of_functions(A, phi) + self.a[..., -1] + 2.0 * ds_o * sum_of_functions(V, first)
             w_tt += self.dds_o[:, None] * w_s + ds_o**2 * bend
@@ -115,7 +115,7 @@ class Measures:
         V = self.v[..., :-1]
         q = self.q[..., -1]
         v = self.v[..., -1]
-        twice = np.einsum("nfi,ij,nfj->n", V, self.system.basis.basis.mass(), V, optimize=True)
+        twice = np.einsum("nfi,ij,nfj->n", V, self.system.basis.basis.mass_matrix(), V, optimize=True)
         if self.system.kink:
             value, first, _ = self.system.basis.hat_overlaps_and_derivatives(np.minimum(self.s_o, 1.0 - NEAR_SUPPORT))
             steep = self.ds_o**2 / (3.0 * self.inside * (1.0 - self.inside))
@@ -125,7 +125,7 @@ class Measures:
 
     def depth_integral(self) -> Array:
         """int v ds, (n,)."""
-        integral = self.system.basis.integral()
+        integral = self.system.basis.integrals()
         return np.array([v[: integral.size] @ integral for v in self.q[:, -1]])
 
 

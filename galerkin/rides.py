@@ -161,7 +161,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         kinematics = self._car_kinematics(x)
         mode = rolling.HAULED if not self.free else rolling.FREE if self.mode.slip_sign != 0.0 else rolling.STUCK
         loads = self._car_loads(x.t, x.phase)
-        sines = self._cable_sines(*self.sines.side_rules(kinematics[0]))
+        sines = self._cable_sines(*self.sines.gauss_rules_of_sides(kinematics[0]))
         return rolling.Ride(mode, loads, self._thrust(x)), sines, kinematics
 
     def _thrust(self, x: State) -> float:
@@ -184,7 +184,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         ride, _, at_start = self._kernel_arguments(State(t[0], start[0], start[1], start[2], phase))
         if self.free:
             reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
-            rules_at = self.sines.side_rules
+            rules_at = self.sines.gauss_rules_of_sides
             kinematics = np.array([at_start])
             sines = self._cable_sines(rules_at(max(s_o, reach))[0], rules_at(min(s_o, reach))[1])
         else:

@@ -17,7 +17,7 @@ import numpy as np
 import pywt
 from scipy.linalg import solve_triangular, svd
 
-from galerkin.law import compiled
+from galerkin.law import compiled, inner
 
 Reading = Literal["literal", "scaling", "shifted"]
 
@@ -29,8 +29,8 @@ DEEPEST = -3  # phi_m for m = 1 .. -3
 # --- the scaling function, once per order ----------------------------------------------------------------------
 
 
-def _factor_without_zeros(p: int) -> np.ndarray:
-    """Return q of h(z) = 2 ((1 + z)/2)^p q(z), shape (p,), from PyWavelets' filter.
+def _mask_factor_without_zeros(p: int) -> np.ndarray:
+    """Return the factor q without zeros at z = -1 of h(z) = 2 ((1 + z)/2)^p q(z), shape (p,), from PyWavelets' filter.
 
     One Newton step takes q back to |q|^2 = sum_k binom(p-1+k, k) y^k, y = (2 - z - 1/z)/4 (Daubechies 1988).
     """
@@ -51,11 +51,11 @@ def _factor_without_zeros(p: int) -> np.ndarray:
     return np.asarray(q + np.linalg.solve(jacobian, residual))
 
 
-def _transition_matrix(h: np.ndarray, digit: int) -> np.ndarray:
-    """(T_d)_ij = h_(2i-j+d)."""
-    n = h.size - 1
+def _transition_matrix(mask: np.ndarray, digit: int) -> np.ndarray:
+    """(T_d)_ij = h_(2i-j+d), h the mask."""
+    n = mask.size - 1
     k = 2 * np.arange(n)[:, None] - np.arange(n) + digit
-    return np.where((k >= 0) & (k <= n), h[np.clip(k, 0, n)], h[0] * 0)
+    return np.where((k >= 0) & (k <= n), mask[np.clip(k, 0, n)], mask[0] * 0)
 
 
 class _DyadicTable(NamedTuple):
@@ -74,8 +74,8 @@ class _MotherFunctions(NamedTuple):
     right: np.ndarray  # the same of int_-inf^0
 
 
-def _factors_of_cut_grams(h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`left` and `right` of `_MotherFunctions`.
+def _cholesky_factors_of_cut_grams(h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Factors `left` and `right` of `_MotherFunctions`: gram matrices of shifts of phi that an end of the cable cuts.
 
     W = (H W H^T + B B^T)/2, H = taps that stay cut, B = taps inside; summed by doubling (Smith 1968).
     """
@@ -92,7 +92,7 @@ def _factors_of_cut_grams(h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @lru_cache(maxsize=16)
 def _mother_functions(p: int) -> _MotherFunctions:
     R = 2 * p - 1
-    q = _factor_without_zeros(p)
+    q = _mask_factor_without_zeros(p)
     tables = {}
     for m in range(DEEPEST, 2 if p > 2 else 1):
         mask = 2.0 * q
@@ -101,7 +101,7 @@ def _mother_functions(p: int) -> _MotherFunctions:
         if m == 0:
             h = mask
         tables[m] = _dyadic_table(mask)
-    left, right = _factors_of_cut_grams(h)
+    left, right = _cholesky_factors_of_cut_grams(h)
     g = (-1.0) ** np.arange(R + 1) * h[::-1]
     return _MotherFunctions(h, g, tables, left, right)
 
@@ -119,23 +119,31 @@ def _dyadic_table(mask: np.ndarray) -> _DyadicTable:
     return _DyadicTable(at_integers, np.ascontiguousarray(blocks.transpose(0, 2, 1)), T)
 
 
+@inner
+def _set_digit_blocks(fraction: float, digits: np.ndarray) -> int:
+    """Set the blocks of binary digits of a fraction; return the index of the last that is not zero, else -1."""
+    last = -1
+    for i in range(DIGIT_BLOCKS):
+        fraction *= 2**BLOCK
+        digits[i] = int(fraction)
+        fraction -= digits[i]
+        if digits[i] > 0:
+            last = i
+    return last
+
+
 @compiled
-def _evaluate_sums(y, at_integers, blocks, c, out):
-    """out[q] = sum_l c_l phi_m(y_q - l), rows of c from l = 1 - n_m on."""
+def _set_sums_of_shifts(
+    y: np.ndarray, at_integers: np.ndarray, blocks: np.ndarray, c: np.ndarray, out: np.ndarray
+) -> None:
+    """Set out[q] = sum_l c_l phi_m(y_q - l), rows of c from l = 1 - n_m on."""
     n = at_integers.size
     v = np.empty(n)
     w = np.empty(n)
     digits = np.empty(DIGIT_BLOCKS, np.int64)
     for q in range(y.size):
         cell = int(y[q])
-        rest = y[q] - cell
-        last = -1
-        for i in range(DIGIT_BLOCKS):
-            rest *= 2**BLOCK
-            digits[i] = int(rest)
-            rest -= digits[i]
-            if digits[i] > 0:
-                last = i
+        last = _set_digit_blocks(y[q] - cell, digits)
         for j in range(n):  # a slice would compile its error message for seconds
             v[j] = at_integers[j]
         for i in range(last, -1, -1):  # T_0 v(0) = v(0): trailing zeros change nothing
@@ -159,23 +167,25 @@ class _SumsOfShifts(NamedTuple):
     c: dict[int, np.ndarray]
 
     def __call__(self, s: np.ndarray, m: int) -> np.ndarray:
+        """The sums at s (n_s,), (n_s, functions); ValueError outside [0, 1]."""
         if s.size and not (s.min() >= 0.0 and s.max() <= 1.0):
             raise ValueError(f"s must lie in [0, 1], got [{s.min()!r}, {s.max()!r}]")
-        walk = _mother_functions(self.order).tables[m]
+        table = _mother_functions(self.order).tables[m]
         out = np.empty((s.size, self.c[m].shape[1]))
-        _evaluate_sums(2**self.level * (2 * self.order - 1) * s, walk.at_integers, walk.blocks, self.c[m], out)
+        y = 2**self.level * (2 * self.order - 1) * s
+        _set_sums_of_shifts(y, table.at_integers, table.blocks, self.c[m], out)
         return out
 
 
-def _running_sum(c: np.ndarray, first: int) -> np.ndarray:
+def _running_sum_outwards(c: np.ndarray, first: int) -> np.ndarray:
     """b with b_l - b_(l-1) = c_l and b_-1 = 0, summed outwards: left coefficients are large."""
     left = c[:-first]
     right = c[-first:]
     return np.concatenate([-np.cumsum(left[::-1], axis=0)[::-1], np.zeros((1, c.shape[1])), np.cumsum(right, axis=0)])
 
 
-def _sums_with_derivative(order: int, level: int, c: np.ndarray) -> _SumsOfShifts:
-    """Functions with derivative sum_l c_l phi(y - l), rows from l = 1-R on, and 0 at s = 0."""
+def _sums_of_shifts_from_derivative(order: int, level: int, c: np.ndarray) -> _SumsOfShifts:
+    """The functions whose derivative by s is sum_l c_l phi(y - l), 0 at s = 0; rows of c from l = 1-R on."""
     R = 2 * order - 1
     cells = 2**level * (2 * order - 1)
     mother = _mother_functions(order)
@@ -183,7 +193,7 @@ def _sums_with_derivative(order: int, level: int, c: np.ndarray) -> _SumsOfShift
     if 1 in mother.tables:
         family[1] = cells * np.diff(family[0], axis=0)
     for m in range(-1, DEEPEST - 1, -1):
-        b = _running_sum(family[m + 1], 1 - (R - m - 1)) / cells
+        b = _running_sum_outwards(family[m + 1], 1 - (R - m - 1)) / cells
         n = R - m
         at_left = mother.tables[m].at_integers @ b[n - 1 :: -1]
         family[m] = np.ascontiguousarray(b - at_left)
@@ -199,7 +209,7 @@ def _refined_coefficients(c: np.ndarray, h: np.ndarray, cells: int) -> np.ndarra
     return fine[R - 1 : R - 1 + 2 * cells + R - 1]
 
 
-def _functions_of_paper(order: int, level: int, reading: Reading) -> np.ndarray:
+def _derivative_coefficients_of_paper(order: int, level: int, reading: Reading) -> np.ndarray:
     """Theta_jk' of (37)-(39) plus a constant as sum_l c_l phi(y - l); columns by j, then k."""
     p = order
     R = 2 * order - 1
@@ -223,10 +233,10 @@ def _functions_of_paper(order: int, level: int, reading: Reading) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _orthonormal(order: int, level: int, reading: Reading) -> _SumsOfShifts:
+def _orthonormal_functions(order: int, level: int, reading: Reading) -> _SumsOfShifts:
     """Orthonormal functions (in int f' g' ds) with the span of the printed ones."""
     mother = _mother_functions(order)
-    c = _functions_of_paper(order, level, reading)
+    c = _derivative_coefficients_of_paper(order, level, reading)
     edge = len(mother.left)
 
     def coordinates(c: np.ndarray) -> np.ndarray:
@@ -243,12 +253,12 @@ def _orthonormal(order: int, level: int, reading: Reading) -> _SumsOfShifts:
     left = solve_triangular(mother.left, U[:edge], lower=True, trans="T")
     right = solve_triangular(mother.right, U[-edge:], lower=True, trans="T")
     c = sqrt(2**level * (2 * order - 1)) * np.concatenate([left, U[edge:-edge], right])
-    return _sums_with_derivative(
-        order, level, c - _sums_with_derivative(order, level, c)(np.array([1.0]), -1)
+    return _sums_of_shifts_from_derivative(
+        order, level, c - _sums_of_shifts_from_derivative(order, level, c)(np.array([1.0]), -1)
     )  # 0 at s = 1 in spite of rounding
 
 
-def _cell_gram(T: np.ndarray) -> np.ndarray:
+def _gram_matrix_on_cell(T: np.ndarray) -> np.ndarray:
     """int_0^1 v v^T dx, the fixed point of G -> (T_0 G T_0^T + T_1 G T_1^T)/2."""
     n = T.shape[1]
     G = np.full((n, n), 1.0 / n**2)
@@ -258,7 +268,8 @@ def _cell_gram(T: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _functions_at_quadrature_points(basis: "Daubechies") -> tuple[np.ndarray, np.ndarray]:
+def _slopes_at_quadrature_points(basis: "Daubechies") -> tuple[np.ndarray, np.ndarray]:
+    """Points (n_q,) of the quadrature, and phi' there (n, n_q)."""
     s, _ = basis.quadrature()
     return s, np.ascontiguousarray(basis.phi(s, 1).T)
 
@@ -281,35 +292,38 @@ class Daubechies:
     reading: Reading = "literal"
 
     @property
-    def cells(self) -> int:
+    def cell_count(self) -> int:
         return 2**self.level * (2 * self.order - 1)
 
     @property
     def _functions(self) -> _SumsOfShifts:
-        return _orthonormal(self.order, self.level, self.reading)
+        return _orthonormal_functions(self.order, self.level, self.reading)
 
     @property
     def n(self) -> int:
         return self._functions.c[0].shape[1]
 
     @property
-    def smooth(self) -> bool:
+    def has_second_derivative(self) -> bool:
+        """Whether phi'' exists, as (23) needs."""
         return self.order >= 4
 
-    def functions_and_primitives(self, s: float) -> np.ndarray:
-        none = np.zeros((1, self.n))
+    def values_derivatives_primitives(self, s: float) -> np.ndarray:
+        """phi, phi', phi'' (0 where it does not exist) and two primitives at one s, (5, n)."""
         x = np.array([s])
-        return np.concatenate([none if m == 2 and not self.smooth else self.phi(x, m) for m in (0, 1, 2, -1, -2)])
+        second = self.phi(x, 2) if self.has_second_derivative else np.zeros((1, self.n))
+        return np.concatenate([self.phi(x), self.phi(x, 1), second, self.phi(x, -1), self.phi(x, -2)])
 
-    def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
-        return self._functions(s, m - 1)
+    def phi(self, s: np.ndarray, derivative: int = 0) -> np.ndarray:
+        """A derivative of phi of this order, (n_s, n); primitives for a negative one."""
+        return self._functions(s, derivative - 1)
 
-    def side_quadrature(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def side_quadrature_with_slopes(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points and weights (n_q,) of both sides of s_o; phi' and the hat's slope, (n + 1, n_q)."""
         left, w_left = self.quadrature(0.0, s_o)
         right, w_right = self.quadrature(s_o)
         s = np.concatenate([left, right])
-        own, table = _functions_at_quadrature_points(self)
+        own, table = _slopes_at_quadrature_points(self)
         i = np.searchsorted(own, s)
         phi = np.empty((self.n + 1, s.size))
         np.take(table, i, axis=1, out=phi[:-1], mode="clip")
@@ -319,27 +333,29 @@ class Daubechies:
         phi[-1, left.size :] = -1.0 / (1.0 - s_o)
         return s, np.concatenate([w_left, w_right]), phi
 
-    def mass(self) -> np.ndarray:
+    def mass_matrix(self) -> np.ndarray:
         """int phi_j phi_k ds, (n, n), exact: cell by cell from the Gram matrix of the mother function."""
         T = _mother_functions(self.order).tables[-1].T
         c = self._functions.c[-1]
-        G = _cell_gram(T)
+        G = _gram_matrix_on_cell(T)
         n = T.shape[1]
         M = np.zeros((self.n, self.n))
-        for cell in range(self.cells):
+        for cell in range(self.cell_count):
             part = c[cell : cell + n][::-1]
             M += part.T @ G @ part
-        return 0.5 * (M + M.T) / self.cells
+        return 0.5 * (M + M.T) / self.cell_count
 
-    def stiffness(self) -> np.ndarray:
+    def stiffness_matrix(self) -> np.ndarray:
+        """int phi_j' phi_k' ds, (n, n)."""
         return np.eye(self.n)
 
-    def integral(self) -> np.ndarray:
+    def integrals(self) -> np.ndarray:
+        """int phi_j ds, (n,)."""
         return self.phi(np.array([1.0]), -1)[0]
 
     def quadrature(self, a: float = 0.0, b: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
         """Two Gauss points on each 1/8 of a cell (1/32 in the first two), as psi is not smooth."""
-        n = self.cells
+        n = self.cell_count
         edges = np.concatenate([np.arange(64) / (32 * n), np.arange(16, 8 * n + 1) / (8 * n)])
         inside = slice(np.searchsorted(edges, a, side="right"), np.searchsorted(edges, b))
         edges = np.concatenate([[a], edges[inside], [b]])

@@ -13,13 +13,14 @@ from galerkin.law import compiled, inner
 
 
 @lru_cache(maxsize=256)
-def _unit_gauss(n: int) -> np.ndarray:
+def _gauss_rule_on_unit_interval(n: int) -> np.ndarray:
+    """n Gauss points on [0, 1], and weights, (2, n)."""
     x, w = roots_legendre(n)
     return np.array([0.5 * (1.0 + x), 0.5 * w])
 
 
 @compiled
-def xi_of_s(s, grading):
+def xi_of_s(s: float, grading: float) -> float:
     """xi of s = xi - grading sin(2 pi xi)/(2 pi), by Newton's method with bisection."""
     if grading == 0.0 or s <= 0.0 or s >= 1.0:
         return s
@@ -40,8 +41,8 @@ def xi_of_s(s, grading):
 
 
 @inner
-def set_primitives(x, n, grading, out):
-    """Set out (2, n) to two primitives of sin(k pi xi) by s.
+def set_primitives(xi: float, n: int, grading: float, out: np.ndarray) -> None:
+    """Set out (2, n) to the first two primitives of sin(k pi xi) by s.
 
     ds/dxi = 1 - grading cos(2 pi xi) couples j and j +- 2.  D, F belong to sines, odd in j.
     """
@@ -50,10 +51,10 @@ def set_primitives(x, n, grading, out):
     D = np.zeros(size)
     I = np.zeros(size)
     F = np.zeros(size)
-    I[0] = x
+    I[0] = xi
     for j in range(1, size):
-        D[j] = math.cos(j * math.pi * x) / (j * math.pi)
-        I[j] = math.sin(j * math.pi * x) / (j * math.pi)
+        D[j] = math.cos(j * math.pi * xi) / (j * math.pi)
+        I[j] = math.sin(j * math.pi * xi) / (j * math.pi)
     for j in range(1, size - 2):
         F[j] = (I[j] - b * (I[j + 2] + I[abs(j - 2)])) / (j * math.pi)
     for k in range(1, n + 1):
@@ -64,43 +65,45 @@ def set_primitives(x, n, grading, out):
 
 
 @inner
-def set_functions(x, n, grading, out):
+def set_functions_and_derivatives(xi: float, n: int, grading: float, out: np.ndarray) -> None:
     """Set rows of out (3, n) to phi, phi', phi''."""
-    g = 1.0 / (1.0 - grading * math.cos(2.0 * math.pi * x))
-    bend = 2.0 * math.pi * grading * math.sin(2.0 * math.pi * x) * g
+    g = 1.0 / (1.0 - grading * math.cos(2.0 * math.pi * xi))
+    bend = 2.0 * math.pi * grading * math.sin(2.0 * math.pi * xi) * g
     for k in range(n):
         wave = (k + 1) * math.pi
-        c = wave * math.cos(wave * x)
-        sn = math.sin(wave * x)
+        c = wave * math.cos(wave * xi)
+        sn = math.sin(wave * xi)
         out[0, k] = sn
         out[1, k] = c * g
         out[2, k] = -(wave * wave * sn + c * bend) * g * g
 
 
 @compiled
-def functions_and_primitives(s, n, grading):
-    """`Fourier.functions_and_primitives`."""
+def values_derivatives_primitives(s: float, n: int, grading: float) -> np.ndarray:
+    """`Fourier.values_derivatives_primitives`."""
     out = np.empty((5, n))
-    x = xi_of_s(s, grading)
-    set_functions(x, n, grading, out[:3])
-    set_primitives(x, n, grading, out[3:])
+    xi = xi_of_s(s, grading)
+    set_functions_and_derivatives(xi, n, grading, out[:3])
+    set_primitives(xi, n, grading, out[3:])
     return out
 
 
 @compiled
-def row_at_points(s, n, grading, row):
-    """One row of `functions_and_primitives` at many places."""
+def derivative_or_primitive_at_points(s: np.ndarray, n: int, grading: float, row: int) -> np.ndarray:
+    """One row of `values_derivatives_primitives` at many points s (m,), (m, n)."""
     out = np.empty((s.size, n))
     for i in range(s.size):
-        values = functions_and_primitives(s[i], n, grading)
+        values = values_derivatives_primitives(s[i], n, grading)
         for k in range(n):
             out[i, k] = values[row, k]
     return out
 
 
 @compiled
-def side_quadrature(s_o, behind, ahead, n, grading):
-    """`Fourier.side_quadrature` with rules (2, m) on [0, 1], by k rotations of (cos, sin)."""
+def side_quadrature_with_slopes(
+    s_o: float, behind: np.ndarray, ahead: np.ndarray, n: int, grading: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`Fourier.side_quadrature_with_slopes` with rules (2, m) on [0, 1], by k rotations of (cos, sin)."""
     m = behind.shape[1]
     both = behind.shape[1] + ahead.shape[1]
     x_o = xi_of_s(s_o, grading)
@@ -144,55 +147,58 @@ class Fourier:
     n: int
     grading: float = 0.0
 
-    smooth = True  # phi'' exists, as (23) needs
+    has_second_derivative = True  # phi'' exists, as (23) needs
 
-    def functions_and_primitives(self, s: float) -> np.ndarray:
+    def values_derivatives_primitives(self, s: float) -> np.ndarray:
         """phi, phi', phi'' and two primitives at one s, (5, n)."""
-        return functions_and_primitives(s, self.n, self.grading)
+        return values_derivatives_primitives(s, self.n, self.grading)
 
-    def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
-        """The m-th derivative of phi, (n_s, n); primitives for m < 0."""
-        return row_at_points(s, self.n, self.grading, (0, 1, 2, 4, 3)[m])
+    def phi(self, s: np.ndarray, derivative: int = 0) -> np.ndarray:
+        """A derivative of phi of this order, (n_s, n); primitives for a negative one."""
+        row = (0, 1, 2, 4, 3)[derivative]
+        return derivative_or_primitive_at_points(s, self.n, self.grading, row)
 
-    def mass(self) -> np.ndarray:
+    def mass_matrix(self) -> np.ndarray:
         """int phi_m phi_n ds."""
         k = np.arange(1, self.n + 1)
         apart = np.subtract.outer(k, k)
         sums = np.add.outer(k, k)
         return 0.5 * (apart == 0) - 0.25 * self.grading * ((np.abs(apart) == 2) * 1.0 - (sums == 2))
 
-    def stiffness(self) -> np.ndarray:
+    def stiffness_matrix(self) -> np.ndarray:
         """int phi_m' phi_n' ds."""
-        _, weights, phi = side_quadrature(0.5, self.side_rule(1.0), self.side_rule(1.0), self.n, self.grading)
+        rule = self.gauss_rule_of_side(1.0)
+        _, weights, phi = side_quadrature_with_slopes(0.5, rule, rule, self.n, self.grading)
         return (phi[:-1] * weights) @ phi[:-1].T
 
-    def integral(self) -> np.ndarray:
+    def integrals(self) -> np.ndarray:
         """int phi_n ds."""
         left, right = self.phi(np.array([0.0, 1.0]), -1)
         return right - left
 
     def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
         """Points and weights on [0, 1] for products of first derivatives."""
-        x, w = _unit_gauss(2 * self.n + 40)
+        x, w = _gauss_rule_on_unit_interval(2 * self.n + 40)
         turn = 2.0 * np.pi * x
         return x - self.grading * np.sin(turn) / (2.0 * np.pi), w * (1.0 - self.grading * np.cos(turn))
 
-    def side_rules(self, s_o: float) -> tuple[np.ndarray, np.ndarray]:
-        x = float(xi_of_s(s_o, self.grading))
-        return self.side_rule(x), self.side_rule(1.0 - x)
+    def gauss_rules_of_sides(self, s_o: float) -> tuple[np.ndarray, np.ndarray]:
+        """Gauss points and weights on [0, 1] for the sides behind and ahead of s_o, (2, m) each."""
+        xi = float(xi_of_s(s_o, self.grading))
+        return self.gauss_rule_of_side(xi), self.gauss_rule_of_side(1.0 - xi)
 
-    def runs_of_equal_rules(self, s_o: np.ndarray) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    def runs_of_equal_gauss_rules(self, s_o: np.ndarray) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
         """Runs of consecutive places s_o (m,) with equal rules, and these rules."""
         x = np.array([xi_of_s(s, self.grading) for s in s_o.tolist()]) if self.grading else s_o
         counts = np.ceil(self.n * np.stack([x, 1.0 - x]) / 8.0)
         ends = np.flatnonzero((counts[:, 1:] != counts[:, :-1]).any(axis=0)) + 1
         for first, end in pairwise([0, *ends.tolist(), s_o.size]):
-            yield slice(first, end), *self.side_rules(float(s_o[first]))
+            yield slice(first, end), *self.gauss_rules_of_sides(float(s_o[first]))
 
-    def side_rule(self, length: float) -> np.ndarray:
-        """Gauss points and weights on [0, 1] for this length in xi, (2, m)."""
-        return _unit_gauss(20 + 16 * math.ceil(self.n * length / 8.0))
+    def gauss_rule_of_side(self, length_in_xi: float) -> np.ndarray:
+        """Gauss points and weights on [0, 1] for a side of this length, (2, m)."""
+        return _gauss_rule_on_unit_interval(20 + 16 * math.ceil(self.n * length_in_xi / 8.0))
 
-    def side_quadrature(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def side_quadrature_with_slopes(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points and weights (n_q,) of both sides of s_o; phi' and the hat's slope, (n + 1, n_q)."""
-        return side_quadrature(s_o, *self.side_rules(s_o), self.n, self.grading)
+        return side_quadrature_with_slopes(s_o, *self.gauss_rules_of_sides(s_o), self.n, self.grading)

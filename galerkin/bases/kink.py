@@ -26,8 +26,10 @@ class InertiaTerms(NamedTuple):
 
 
 @inner
-def _hat_overlap_and_derivatives(phi, first, second, left, chord, s_o):
-    """I, I', I'' of `KinkedBasis` for one function; I'' at s_o = 0 is not needed and 0."""
+def _hat_overlap_with_derivatives(
+    phi: float, first: float, second: float, left: float, chord: float, s_o: float
+) -> tuple[float, float, float]:
+    """I, I', I'' of `KinkedBasis` from phi and its two primitives at s_o; I'' at s_o = 0 is not needed and 0."""
     if s_o == 0.0:
         return chord - first, chord - first, 0.0
     w = s_o * (1.0 - s_o)
@@ -38,40 +40,49 @@ def _hat_overlap_and_derivatives(phi, first, second, left, chord, s_o):
 
 
 @compiled
-def _hat_overlaps_and_derivatives(phi, first, second, left, chord, s_o):
-    """The same for functions (m, n) at m places."""
+def _hat_overlaps_with_derivatives(
+    phi: Array, first: Array, second: Array, left: Array, chord: Array, s_o: Array
+) -> Array:
+    """The same for functions (m, n) at m positions s_o, (3, m, n)."""
     out = np.empty((3, *phi.shape))
     for i in range(s_o.size):
         for k in range(phi.shape[1]):
-            out[0, i, k], out[1, i, k], out[2, i, k] = _hat_overlap_and_derivatives(
+            out[0, i, k], out[1, i, k], out[2, i, k] = _hat_overlap_with_derivatives(
                 phi[i, k], first[i, k], second[i, k], left[k], chord[k], s_o[i]
             )
     return out
 
 
 @compiled
-def inertia_terms_with_hat(at, mass, left, chord, kinematics, damping):
-    """`InertiaTerms` of sines or wavelets at s_o, ds_o, dds_o; at : `Fourier.functions_and_primitives`."""
-    n = at.shape[1]
+def inertia_terms_with_hat(
+    functions: Array, mass: Array, left: Array, chord: Array, kinematics: tuple[float, float, float], damping: float
+) -> InertiaTerms:
+    """`InertiaTerms` of sines or wavelets, with a hat if `mass` has one.
+
+    functions : `Fourier.values_derivatives_primitives` at s_o;  kinematics : s_o, ds_o, dds_o
+    """
+    n = functions.shape[1]
     size = mass.shape[0]
     s_o, ds_o, dds_o = kinematics
     hat = size > n
     M = mass.copy()
     rows = np.zeros((7, size))
     for k in range(n):
-        phi = at[0, k]
-        first = at[1, k]
-        second = at[2, k]
+        phi = functions[0, k]
+        first = functions[1, k]
+        second = functions[2, k]
         rows[2, k] = phi
         rows[3, k] = first
         rows[4, k] = 2.0 * ds_o * first
         rows[5, k] = dds_o * first + ds_o * ds_o * second
         if hat:
-            value, slope, bend = _hat_overlap_and_derivatives(phi, at[3, k], at[4, k], left[k], chord[k], s_o)
+            value, slope, bend = _hat_overlap_with_derivatives(
+                phi, functions[3, k], functions[4, k], left[k], chord[k], s_o
+            )
             M[n, k] = M[k, n] = value
             rows[0, k] = 2.0 * ds_o * slope
             rows[1, k] = ds_o * ds_o * bend + (dds_o + damping * ds_o) * slope
-            rows[6, k] = at[3, k] + (left[k] - at[4, k]) / s_o
+            rows[6, k] = functions[3, k] + (left[k] - functions[4, k]) / s_o
     if hat:
         rows[1, n] = -ds_o * ds_o / (3.0 * s_o * (1.0 - s_o))
         rows[2, n] = 1.0
@@ -93,9 +104,9 @@ class KinkedBasis:
         self.n = basis.n + kink
         self.mass_at_rest, self._stiffness = np.diag([1.0 / 3.0] * self.n), np.zeros((self.n, self.n))
         standing = slice(basis.n), slice(basis.n)
-        self.mass_at_rest[standing] = basis.mass()
-        self._stiffness[standing] = basis.stiffness()
-        self._integral = np.append(basis.integral(), 0.5)[: self.n]
+        self.mass_at_rest[standing] = basis.mass_matrix()
+        self._stiffness[standing] = basis.stiffness_matrix()
+        self._integrals = np.append(basis.integrals(), 0.5)[: self.n]
         self.left, right = basis.phi(np.array([0.0, 1.0]), -2)
         self.chord = right - self.left
         if not kink:
@@ -105,15 +116,15 @@ class KinkedBasis:
     def hat_overlaps_and_derivatives(self, s_o: Array) -> Array:
         """I, I', I'' at s_o (m,) in [0, 1), (3, m, basis.n)."""
         tables = (self.basis.phi(s_o, m) for m in (0, -1, -2))
-        return _hat_overlaps_and_derivatives(*tables, self.left, self.chord, s_o)
+        return _hat_overlaps_with_derivatives(*tables, self.left, self.chord, s_o)
 
     def inertia_terms(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> InertiaTerms:
+        functions = self.basis.values_derivatives_primitives(s_o)
         kinematics = s_o, ds_o, dds_o
-        return inertia_terms_with_hat(
-            self.basis.functions_and_primitives(s_o), self.mass_at_rest, self.left, self.chord, kinematics, damping
-        )
+        return inertia_terms_with_hat(functions, self.mass_at_rest, self.left, self.chord, kinematics, damping)
 
-    def stiffness(self, s_o: float) -> Array:
+    def stiffness_matrix(self, s_o: float) -> Array:
+        """int Phi_j' Phi_k' ds with the hat at s_o, (n, n)."""
         if not self.kink:
             return self._stiffness
         matrix = self._stiffness.copy()
@@ -122,9 +133,10 @@ class KinkedBasis:
         matrix[-1, -1] = steepness
         return matrix
 
-    def integral(self) -> Array:
-        return self._integral
+    def integrals(self) -> Array:
+        """int Phi_j ds, (n,)."""
+        return self._integrals
 
-    def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
+    def quadrature_with_slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         """Points (n_q,), weights and Phi' (n, n_q)."""
-        return self.basis.side_quadrature(s_o) if self.kink else self._slopes
+        return self.basis.side_quadrature_with_slopes(s_o) if self.kink else self._slopes

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from galerkin.bases.fourier import functions_and_primitives, side_quadrature
+from galerkin.bases.fourier import side_quadrature_with_slopes, values_derivatives_primitives
 from galerkin.bases.kink import Array, InertiaTerms, inertia_terms_with_hat
 from galerkin.kernels.cable import Cable, Points, hanging_cable_at
 from galerkin.law import inner
@@ -44,7 +44,7 @@ def mass_terms(sines, kinematics):
     """`MassTerms` of s_o, ds_o, dds_o; the load of a force alone is its weight."""
     cable = sines.cable
     s_o, ds_o, dds_o = kinematics
-    at = functions_and_primitives(s_o, sines.left.size, sines.grading)
+    at = values_derivatives_primitives(s_o, sines.left.size, sines.grading)
     x = inertia_terms_with_hat(at, sines.mass, sines.left, sines.chord, kinematics, cable.damping)
     p = cable.c - cable.sigma * s_o
     T = math.sqrt(1.0 + p * p)
@@ -61,7 +61,7 @@ def mass_terms(sines, kinematics):
 
 @inner
 def points_at(sines, s_o):
-    s, weights, phi = side_quadrature(s_o, sines.behind, sines.ahead, sines.left.size, sines.grading)
+    s, weights, phi = side_quadrature_with_slopes(s_o, sines.behind, sines.ahead, sines.left.size, sines.grading)
     T, r_static = hanging_cable_at(s, sines.cable.sigma, sines.cable.c)
     return Points(s, phi, weights, T, r_static)
 

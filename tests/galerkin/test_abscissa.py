@@ -48,7 +48,7 @@ def test_start_from_rest_tends_to_the_papers():
     a, mu, sigma = INCLINED.motion.at(0.0, 0)[2], INCLINED.mu, INCLINED.sigma
     basis = wrapped.system.basis.basis
     dF = -mu * np.multiply.outer([a * xp, a * yp - sigma], basis.phi(np.array([0.0]), 1)[0])
-    paper = np.linalg.solve(basis.mass(), dF.T).T.ravel() / (3.0 * a)
+    paper = np.linalg.solve(basis.mass_matrix(), dF.T).T.ravel() / (3.0 * a)
     zero = np.zeros(wrapped.n_dof)
     defects = [
         np.abs(wrapped.second_derivative_at_start(zero, d) - paper).max() / np.abs(paper).max()

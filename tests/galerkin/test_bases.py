@@ -108,7 +108,7 @@ def printed(p, level, s, derivative=0):
 
 def sides(basis, cut):
     """The rules on both sides of a mass."""
-    s, w, _ = basis.side_quadrature(cut)
+    s, w, _ = basis.side_quadrature_with_slopes(cut)
     left = s < cut
     return (s[left], w[left]), (s[~left], w[~left])
 
@@ -127,7 +127,7 @@ def fine_rule(basis, a=0.0, b=1.0, pieces=512):
     """Two points on each of `pieces` parts of a cell, cut at a and b; for sines 12 points per half wave: rounding."""
     if isinstance(basis, Fourier):
         return composite_gauss(np.linspace(a, b, basis.n + 1), 12)
-    grid = np.arange(pieces * basis.cells + 1) / (pieces * basis.cells)
+    grid = np.arange(pieces * basis.cell_count + 1) / (pieces * basis.cell_count)
     return composite_gauss(np.concatenate([[a], grid[(grid > a) & (grid < b)], [b]]), 2)
 
 
@@ -160,7 +160,7 @@ def test_the_basis_spans_the_papers_functions_with_their_derivatives(p, level):
 def test_there_is_no_second_derivative_for_order_two():
     with pytest.raises(KeyError):
         Daubechies(2, 1).phi(np.array([0.4]), 2)
-    assert [Daubechies(p).smooth for p in (2, 3, 4, 5)] == [False, False, True, True]
+    assert [Daubechies(p).has_second_derivative for p in (2, 3, 4, 5)] == [False, False, True, True]
 
 
 # --- the set: count, rank, span, approximation -------------------------------------------------------------------
@@ -182,7 +182,7 @@ def test_shifted_reading_shows_its_lost_rank():
 def sine_error(basis):
     """|f - best|/|f| in the H1 seminorm, f = sin pi s; int f' phi' = pi^2 int f phi, a smooth integral."""
     s, w = fine_rule(basis, pieces=16)
-    best = np.linalg.solve(basis.stiffness(), np.pi**2 * (w * np.sin(np.pi * s)) @ basis.phi(s))
+    best = np.linalg.solve(basis.stiffness_matrix(), np.pi**2 * (w * np.sin(np.pi * s)) @ basis.phi(s))
     return float(np.sqrt(2.0 * w @ (np.cos(np.pi * s) - basis.phi(s, 1) @ best / np.pi) ** 2))
 
 
@@ -221,7 +221,7 @@ def test_functions_vanish_at_both_supports(basis: Basis):
 
 @pytest.mark.parametrize("basis", [*BASES, Fourier(1), Fourier(400)], ids=repr)
 def test_slopes_on_both_sides_of_a_mass_are_the_slopes(basis: Basis):
-    s, _, table = basis.side_quadrature(0.371)
+    s, _, table = basis.side_quadrature_with_slopes(0.371)
     slopes = basis.phi(s, 1)
     np.testing.assert_allclose(table[:-1].T, slopes, rtol=0.0, atol=1e-14 * basis.n * np.abs(slopes).max())
 
@@ -231,7 +231,7 @@ def test_each_function_is_the_integral_of_the_next(basis: Basis):
     """From the second primitive to phi'' (phi' where it is too rough), over a piece that ends at no special places."""
     a, b = 0.1373, 0.8119
     s, w = fine_rule(basis, a, b)
-    for m in range(-1, 3 if basis.smooth else 2):
+    for m in range(-1, 3 if basis.has_second_derivative else 2):
         rise, integral = np.diff(basis.phi(np.array([a, b]), m - 1), axis=0)[0], w @ basis.phi(s, m)
         allowed = fine_rule_error(basis, roughness(basis) + 1 - m) * abs(basis.phi(s, m)).max()
         assert abs(integral - rise).max() < allowed
@@ -243,13 +243,13 @@ def test_mass_stiffness_and_integral_against_a_fine_rule(basis: Basis):
     """phi'^2 is no smoother than phi', so this rule sees the stiffness to 1e-6 only."""
     s, w = fine_rule(basis)
     values, slopes = basis.phi(s), basis.phi(s, 1)
-    mass, size = values.T @ (w[:, None] * values), abs(basis.mass()).max()
-    assert abs(mass - basis.mass()).max() < fine_rule_error(basis, roughness(basis) + 1.0) * size
-    assert abs(1.0001 * mass - basis.mass()).max() > fine_rule_error(basis, roughness(basis) + 1.0) * size
+    mass, size = values.T @ (w[:, None] * values), abs(basis.mass_matrix()).max()
+    assert abs(mass - basis.mass_matrix()).max() < fine_rule_error(basis, roughness(basis) + 1.0) * size
+    assert abs(1.0001 * mass - basis.mass_matrix()).max() > fine_rule_error(basis, roughness(basis) + 1.0) * size
     allowed = fine_rule_error(basis, roughness(basis) + 1.0) * abs(values).max()
-    assert abs(w @ values - basis.integral()).max() < allowed
-    stiffness = slopes.T @ (w[:, None] * slopes) - basis.stiffness()
-    assert abs(stiffness).max() < fine_rule_error(basis, roughness(basis)) * abs(basis.stiffness()).max()
+    assert abs(w @ values - basis.integrals()).max() < allowed
+    stiffness = slopes.T @ (w[:, None] * slopes) - basis.stiffness_matrix()
+    assert abs(stiffness).max() < fine_rule_error(basis, roughness(basis)) * abs(basis.stiffness_matrix()).max()
 
 
 @settings(max_examples=20, deadline=None)
@@ -271,10 +271,10 @@ def test_sine_rules_are_exact_on_each_side_and_n_plus_12_points_are_not():
         return (
             max(
                 abs(
-                    sum(basis.phi(s, 1).T @ (w[:, None] * basis.phi(s, 1)) for s, w in rules) - basis.stiffness()
+                    sum(basis.phi(s, 1).T @ (w[:, None] * basis.phi(s, 1)) for s, w in rules) - basis.stiffness_matrix()
                 ).ravel()
             )
-            / basis.stiffness().max()
+            / basis.stiffness_matrix().max()
         )
 
     for cut in (0.02, 0.4, 0.97):

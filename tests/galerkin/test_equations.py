@@ -144,7 +144,7 @@ def test_path_form_is_the_chain_rule(kink):
 class Rough:
     """A basis that denies having a second derivative."""
 
-    smooth = False
+    has_second_derivative = False
 
     def __init__(self, basis):
         self._basis = basis

@@ -79,16 +79,16 @@ def test_inertia_against_quadrature(basis, tolerance, s_o):
 @pytest.mark.parametrize(("basis", "tolerance"), BASES)
 def test_slopes_stiffness_and_integral(basis, tolerance):
     s_o, kink = 0.618, KinkedBasis(basis, kink=True)
-    s, w, table = kink.slopes(s_o)
+    s, w, table = kink.quadrature_with_slopes(s_o)
     assert np.all(np.diff(s) > 0.0)
     assert abs(w.sum() - 1.0) < 1e-13
-    S = kink.stiffness(s_o)
+    S = kink.stiffness_matrix(s_o)
     # two Gauss points on 1/8 of a cell are what the wavelets' roughness deserves, not what the closed form gives
     coarse = 1e-11 if isinstance(basis, Fourier) else 1e-2
     np.testing.assert_allclose((w * table) @ table.T, S, rtol=0.0, atol=coarse * np.abs(S).max())
     s, w = pieces(s_o)
-    np.testing.assert_allclose(kink.integral()[:-1], w @ basis.phi(s), rtol=0.0, atol=tolerance)
-    assert abs(kink.integral()[-1] - w @ hat(s, s_o)) < 1e-13
+    np.testing.assert_allclose(kink.integrals()[:-1], w @ basis.phi(s), rtol=0.0, atol=tolerance)
+    assert abs(kink.integrals()[-1] - w @ hat(s, s_o)) < 1e-13
     x = kink.inertia_terms(s_o, 0.4, 0.2)
     assert (x.f[-1], x.f_s[-1], x.f_v[-1], x.f_q[-1]) == (1.0, 0.0, 0.0, 0.0)
 
@@ -107,7 +107,7 @@ def test_share_of_the_side_behind_in_the_overlap(grading, s_o):
 def test_gram_matrix_is_the_plain_product(basis):
     """By sums of cosines, the hat's row and column included, block by block."""
     functions = KinkedBasis(basis, kink=True)
-    s, w, table = functions.slopes(0.273)
+    s, w, table = functions.quadrature_with_slopes(0.273)
     f = w * np.array([np.exp(s), np.cos(5.0 * s), s**2 - 0.3])
     direct = np.einsum("abq,iq,jq->aibj", f[[[0, 1], [1, 2]]], table, table, optimize=True).reshape(2 * functions.n, -1)
     gram = np.empty(direct.shape)

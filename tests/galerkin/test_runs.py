@@ -114,7 +114,7 @@ def test_energy_of_the_one_field_models(model, load):
 def test_observation_is_consistent(model, basis, kink):
     """Path, velocities, one-sided tensions and fields measured in different ways say the same."""
     system = GalerkinSystem(INCLINED, basis, kink=kink, model=model)
-    states, s_o = march(system, 400, "trapezoidal" if basis.smooth else "newmark", until=0.6)
+    states, s_o = march(system, 400, "trapezoidal" if basis.has_second_derivative else "newmark", until=0.6)
     k = np.array([100, 200, len(s_o) - 2])
     x = observe(system, states, [0.0, *s_o[k], 1.0], k)
     at = np.arange(3), np.arange(1, 4)
@@ -129,7 +129,7 @@ def test_observation_is_consistent(model, basis, kink):
     # at a fixed s the trapezoidal rule itself says w1 - w0 = dt (w.0 + w.1)/2, but for the moving hat: dt^2
     near = observe(system, states, [0.3], np.arange(len(s_o)))
     rate = 0.5 * (near.dv[1:] + near.dv[:-1])[s_o[1:] < 0.29]
-    atol = (1e-12 if basis.smooth and not kink else 2e-2) * np.abs(rate).max()
+    atol = (1e-12 if basis.has_second_derivative and not kink else 2e-2) * np.abs(rate).max()
     np.testing.assert_allclose((np.diff(near.v, axis=0) / dt)[s_o[1:] < 0.29], rate, rtol=0.0, atol=atol)
     if model == "full":  # points lie close to the mass, not on it
         assert np.all((x.tension_min <= np.minimum(x.T_behind, x.T_ahead) + 0.02)[1:])

@@ -211,6 +211,6 @@ def start_formula_error(groups: Groups, d: float) -> float:
     slope = system.basis.basis.phi(np.zeros(1), 1)[0]
     force = np.array([a * xp[0], a * yp[0] - groups.sigma])
     load = -groups.mu * np.outer(slope, force)  # (terms, 2)
-    printed = np.linalg.solve(system.basis.basis.mass(), load).T.ravel() / (3.0 * a)
+    printed = np.linalg.solve(system.basis.basis.mass_matrix(), load).T.ravel() / (3.0 * a)
     balanced = SystemOverPosition(system).second_derivative_at_start(np.zeros(system.n_dof), d)
     return float(np.linalg.norm(balanced - printed) / np.linalg.norm(printed))
