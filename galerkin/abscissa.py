@@ -37,7 +37,7 @@ class SystemOverPosition(System):
             raise ValueError("the mass stands still on its way: s_o cannot be the independent variable; use time")
         if at(system.phases[0][0], 0)[1:] == (0.0, 0.0):
             raise ValueError("the mass starts with neither speed nor acceleration: g(s_o) has no series at 0; use time")
-        self._kinematics = lru_cache(maxsize=8)(self._kinematics_at)
+        self._time_speed_acceleration = lru_cache(maxsize=8)(self._time_speed_acceleration_at)
 
     @property
     def min_tension_and_position(self) -> tuple[float, float]:
@@ -51,8 +51,8 @@ class SystemOverPosition(System):
         other.system = self.system.with_law(law)
         return other
 
-    def _kinematics_at(self, s_o: float, phase: int) -> tuple[float, float, float]:
-        """t, ds_o, dds_o at this place."""
+    def _time_speed_acceleration_at(self, s_o: float, phase: int) -> tuple[float, float, float]:
+        """t, ds_o, dds_o where the mass is at s_o."""
         t0, t1 = self.system.phases[phase]
         t = min(max(self.motion.time_at(s_o), t0), t1)
         return t, *self.motion.at(t, phase)[1:]
@@ -60,44 +60,46 @@ class SystemOverPosition(System):
     def start(self, phase: int, state: State | None) -> State:
         """The state at the start of a phase by place: q and its derivatives by s_o; (48) where the car is at rest."""
         s_o = self.phases[phase][0]
-        t, ds_o, dds_o = self._kinematics(s_o, phase)
+        t, ds_o, dds_o = self._time_speed_acceleration(s_o, phase)
         if state is None:
             x = self.system.start(phase, None)
         else:
-            before = self._kinematics(s_o, state.phase)
+            before = self._time_speed_acceleration(s_o, state.phase)
             q, v, a = time_derivatives(state.q, state.v, state.a, *before[1:])
             x = self.system.start(phase, State(t, q, v, a, state.phase))
         if ds_o > 0.0:
             slope = x.v / ds_o
             return State(s_o, x.q, slope, (x.a - dds_o * slope) / ds_o**2, phase)
-        first = x.a / dds_o
-        start = 1e-4  # place of the balance at a start from rest, over the travel; the limit (48) excites axial modes
-        return State(s_o, x.q, first, self.second_derivative_at_start(first, start * self.phases[0][1]), phase)
+        slope = x.a / dds_o
+        start = 1e-4  # s_o of the balance at a start from rest, over the travel; the limit (48) excites axial modes
+        return State(s_o, x.q, slope, self.second_derivative_at_start(slope, start * self.phases[0][1]), phase)
 
-    def second_derivative_at_start(self, first: Array, d: float) -> Array:
-        """g'' at a start from rest by d g' + d^2 g''/2 in balance at place d; d -> 0 is (48)."""
+    def second_derivative_at_start(self, first_derivative: Array, s_o: float) -> Array:
+        """g'' at a start from rest by s_o g' + s_o^2 g''/2 in balance at s_o; s_o -> 0 is (48)."""
+        d = s_o
         second = np.zeros(self.n_dof)
         for _ in range(3):  # Newton; nearly linear
-            q = d * first + (0.5 * d * d) * second
-            v = first + d * second
+            q = d * first_derivative + (0.5 * d * d) * second
+            v = first_derivative + d * second
             r, solve = self.linearise(d, q, v, second, 0, 0.5 * d * d, d, 1.0)
             second = second - solve(r.copy())
         return second
 
     def residual(self, s_o: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        t, ds_o, dds_o = self._kinematics(s_o, phase)
+        t, ds_o, dds_o = self._time_speed_acceleration(s_o, phase)
         return self.system.residual(t, *time_derivatives(q, v, a, ds_o, dds_o), phase)
 
-    def linearise(
-        self, s_o: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> tuple[Array, Solve]:
-        t, ds_o, dds_o = self._kinematics(s_o, phase)
+    def linearise(self, s_o: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
+        c0, c1, c2 = c
+        t, ds_o, dds_o = self._time_speed_acceleration(s_o, phase)
         x = time_derivatives(q, v, a, ds_o, dds_o)
         return self.system.linearise(t, *x, phase, c0, c1 * ds_o, c1 * dds_o + c2 * ds_o**2)
 
     def states_over_time(self, states: States) -> States:
-        places = zip(states.t.tolist(), states.phase.tolist(), strict=True)
-        t, ds_o, dds_o = np.array([self._kinematics(s_o, phase) for s_o, phase in places]).reshape(-1, 3).T
+        """The states with t instead of s_o, and derivatives by it."""
+        positions = zip(states.t.tolist(), states.phase.tolist(), strict=True)
+        rows = [self._time_speed_acceleration(s_o, phase) for s_o, phase in positions]
+        t, ds_o, dds_o = np.array(rows).reshape(-1, 3).T
         q, v, a = time_derivatives(states.q, states.v, states.a, ds_o[:, None], dds_o[:, None])
         return States(t, q, v, a, states.phase)
 

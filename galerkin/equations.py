@@ -35,6 +35,15 @@ class Instant(NamedTuple):
     tables: Any  # of the cable model
 
 
+class EntrainedCable(NamedTuple):
+    """The cable that moves with the mass at the left support: a = a_hat shape - 2 ds_o v_hat drag."""
+
+    shape: Array  # (n,)
+    drag: Array  # (n,)
+    m: float  # inertia m and b of `_start_at_entry`
+    b: float
+
+
 class GalerkinSystem(System):
     """M q.. + C q. + K q + R(q) = F of (19), with the mass of (21)-(23) and (27).
 
@@ -69,26 +78,26 @@ class GalerkinSystem(System):
         self.path_form = self.at_support = load == "mass" and not basis.has_second_derivative
         self.fields = self.cable.fields
         self.n = self.basis.n
-        self.has_compiled_steps = self.fields == 2 and isinstance(basis, Fourier)  # as `sines_by_rules` needs
+        self.has_compiled_steps = self.fields == 2 and isinstance(basis, Fourier)  # as `runs_with_equal_rules` needs
         self.n_modal = self.fields * self.n
         self.n_dof = self.n_modal + self.fields * self.path_form
         self.phases = groups.drive.phases if self.motion is None else self.motion.phases
         self.force_scale = (self.mu or 1.0) * groups.sigma
         # rounding of N, summed over points
         self.force_floor = float(np.finfo(float).eps) * groups.alpha
-        # of the last residual, and its s; see `kernels.min_tension`
+        # of the last residual, and its s; see `kernels.min_tension_and_position`
         self.min_tension_and_position = np.inf, 0.0
-        self._reset_cache()
+        self._reset_instant_cache()
 
-    def _reset_cache(self) -> None:
+    def _reset_instant_cache(self) -> None:
         """Make the cache of instants; a collocation step visits three."""
-        self.instant = lru_cache(maxsize=8)(lambda t, phase: self._instant(*self.motion.at(t, phase)))
+        self.instant = lru_cache(maxsize=8)(lambda t, phase: self._instant_at(*self.motion.at(t, phase)))
 
     def with_law(self, law: str) -> Self:
         other = copy.copy(self)
         other.law = law
         other.cable = cable_model(self.groups, self.model, law)
-        other._reset_cache()
+        other._reset_instant_cache()
         return other
 
     def position(self, x: State) -> float:
@@ -106,11 +115,13 @@ class GalerkinSystem(System):
     def states_over_time(self, states: States) -> States:
         return states
 
-    def _instant(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
+    def _instant_at(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
         inertia_terms = self.basis.inertia_terms(s_o, ds_o, dds_o, self.damping)
-        return Instant(inertia_terms, self._load_at_mass(s_o, ds_o, dds_o), self.cable.tables_at(self.basis, s_o))
+        tables = self.cable.tables_at(self.basis, s_o)
+        return Instant(inertia_terms, self._load_per_mass(s_o, ds_o, dds_o), tables)
 
-    def _load_at_mass(self, s_o: float, ds_o: float, dds_o: float) -> Array:
+    def _load_per_mass(self, s_o: float, ds_o: float, dds_o: float) -> Array:
+        """X.. - sigma j of (27), (fields,); of a force -sigma j."""
         if self.load == "force":
             return -self.cable.weight
         slope, curvature = self.cable.static_slope_and_curvature(s_o)
@@ -119,35 +130,38 @@ class GalerkinSystem(System):
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.instant(t, phase)
         force, tensions = self.cable.internal_force_and_tensions(x.tables, self._by_field(q))
-        self.min_tension_and_position = self.cable.min_tension(self.basis, x.tables, tensions)
-        return self._residual(x, q, v, a, force)
+        self.min_tension_and_position = self.cable.min_tension_and_position(self.basis, x.tables, tensions)
+        return self._residual_at_instant(x, q, v, a, force)
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
-        force, tensions, K = self.cable.linearise(x.tables, self._by_field(q))
-        self.min_tension_and_position = self.cable.min_tension(self.basis, x.tables, tensions)
-        return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, *c))
+        force, tensions, K = self.cable.force_tensions_and_tangent(x.tables, self._by_field(q))
+        self.min_tension_and_position = self.cable.min_tension_and_position(self.basis, x.tables, tensions)
+        return self._residual_at_instant(x, q, v, a, force), lu_solver_overwriting(self._tangent_at_instant(x, K, *c))
 
     def _by_field(self, y: Array) -> Array:
+        """The coefficients (fields, n) of unknowns or rates."""
         return y[: self.n_modal].reshape(self.fields, self.n)
 
-    def _residual(self, x: Instant, q: Array, v: Array, a: Array, force: Array) -> Array:
+    def _residual_at_instant(self, x: Instant, q: Array, v: Array, a: Array, internal_force: Array) -> Array:
         Q = self._by_field(q)
         V = self._by_field(v)
         A = self._by_field(a)
         c = x.inertia_terms
         w_tt = a[self.n_modal :] if self.path_form else A @ c.f + V @ c.f_v + Q @ c.f_q  # of the mass
         load = self.inertia * w_tt + self.mu * x.load
-        r = force + (A + self.damping * V) @ c.mass + np.multiply.outer(load, c.f) + c.convective_terms(V, Q)
+        of_cable = internal_force + (A + self.damping * V) @ c.mass
+        r = of_cable + np.multiply.outer(load, c.f) + c.convective_terms(V, Q)
         if not self.path_form:
             return r.ravel()
         return np.append(r.ravel(), q[self.n_modal :] - Q @ c.f)
 
     def tangent(self, t: float, q: Array, phase: int, c0: complex, c1: complex, c2: complex) -> Array:
         x = self.instant(t, phase)
-        return self._tangent(x, self.cable.linearise(x.tables, self._by_field(q))[2], c0, c1, c2)
+        stiffness = self.cable.force_tensions_and_tangent(x.tables, self._by_field(q))[2]
+        return self._tangent_at_instant(x, stiffness, c0, c1, c2)
 
-    def _tangent(self, x: Instant, K: Array, c0: complex, c1: complex, c2: complex) -> Array:
+    def _tangent_at_instant(self, x: Instant, stiffness: Array, c0: complex, c1: complex, c2: complex) -> Array:
         c = x.inertia_terms
         inertia = np.multiply(
             c2 + c1 * self.damping, c.mass, dtype=np.result_type(c0, c1, c2, c.mass)
@@ -155,7 +169,7 @@ class GalerkinSystem(System):
         inertia[:, -1] += c1 * c.gyroscopic + c0 * c.centrifugal
         if not self.path_form:
             inertia += self.inertia * np.multiply.outer(c.f, c2 * c.f + c1 * c.f_v + c0 * c.f_q)
-        K = c0 * K
+        K = c0 * stiffness
         for i in range(0, self.n_modal, self.n):
             K[i : i + self.n, i : i + self.n] += inertia
         if not self.path_form:
@@ -163,16 +177,15 @@ class GalerkinSystem(System):
         to_mass = np.kron(np.eye(self.fields), c.f)
         return np.block([[K, (c2 * self.mu) * to_mass.T], [-c0 * to_mass, c0 * np.eye(self.fields)]])
 
-    def sines_by_rules(self, s_o: Array) -> Iterator[tuple[slice, kernels.CableSines]]:
-        """Runs of consecutive places s_o (m,) with the same rules, and their `CableSines`."""
+    def runs_with_equal_rules(self, s_o: Array) -> Iterator[tuple[slice, kernels.CableSines]]:
+        """Runs of consecutive positions s_o (m,) with the same quadrature rules, and their `CableSines`."""
         for same, behind, ahead in self.sines.runs_of_equal_gauss_rules(s_o):
             yield same, self._cable_sines(behind, ahead)
 
-    def _cable_sines(self, behind: Array, ahead: Array) -> kernels.CableSines:
+    def _cable_sines(self, rule_behind: Array, rule_ahead: Array) -> kernels.CableSines:
         kink = self.basis if self.kink else KinkedBasis(self.sines, kink=True)
-        return kernels.CableSines(
-            self._kernel_constants, behind, ahead, kink.mass_at_rest, kink.left, kink.chord, self.sines.grading
-        )
+        tables = kink.mass_at_rest, kink.left, kink.chord
+        return kernels.CableSines(self._kernel_constants, rule_behind, rule_ahead, *tables, self.sines.grading)
 
     @property
     def _kernel_constants(self) -> kernels.Cable:
@@ -189,34 +202,36 @@ class GalerkinSystem(System):
     ) -> newmark.StepResult:
         if not (self.has_compiled_steps and self.kink):
             return super().solve_step(t, phase, start, end, rule, newton)
-        _, ends, results = self._compiled_steps(np.array([t]), phase, start, rule[None], newton)
+        _, ends, results = self._compiled_steps_without_events(np.array([t]), phase, start, rule[None], newton)
         end[:] = ends[0]
-        return self._step_result(results[0])
+        self._store_min_tension(results[0])
+        return newmark.StepResult(*results[0, :4].tolist())
 
     def solve_steps(self, *steps) -> newmark.ManySteps:
         """Steps end where the quadrature rules change or the cable falls slack."""
         if not (self.has_compiled_steps and self.kink):
             return newmark.NO_STEPS
-        taken, ends, results = self._compiled_step_blocks(*steps)
+        taken, ends, results = self._compiled_steps_until_event(*steps)
         if taken:
-            self._step_result(results[taken - 1])
+            self._store_min_tension(results[taken - 1])
         return newmark.ManySteps(ends[:taken], results[:taken])
 
-    def _compiled_steps(
+    def _compiled_steps_without_events(
         self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
     ) -> tuple[int, Array, Array]:
+        """The number of good steps, ends and results of `kernels.solve_steps`."""
         kinematics = self.motion.kinematics(t, phase).T
-        same, sines = next(self.sines_by_rules(kinematics[:, 0]))
+        same, sines = next(self.runs_with_equal_rules(kinematics[:, 0]))
         return kernels.solve_steps(
             None, None, sines, np.ascontiguousarray(kinematics[same]), start, rules[same], newton
         )
 
-    _compiled_step_blocks = _compiled_steps
+    _compiled_steps_until_event = _compiled_steps_without_events
 
-    def _step_result(self, values: Array) -> newmark.StepResult:
-        *result, min_tension, s = values.tolist()
+    def _store_min_tension(self, result: Array) -> None:
+        """Store that of a step, from its row of results (6,) of `kernels.solve_steps`."""
+        min_tension, s = result[4:].tolist()
         self.min_tension_and_position = min_tension, s
-        return newmark.StepResult(*result)
 
     def start(self, phase: int, state: State | None) -> State:
         """At entry the limit t -> 0+; later q and v are continuous, a jumps with dds_o."""
@@ -252,7 +267,7 @@ class GalerkinSystem(System):
     def _start_at_entry(self) -> State:
         """The limit t -> 0+; see README.md, "Start".
 
-        With m, b of `_entrained_shapes_and_inertia` the row of the hat is
+        With m, b of `EntrainedCable` the row of the hat is
             (mu + m) a_hat + (c_d m - ds_o b) ds_o d + [N t - T t_static](d) + mu (X.. - sigma j) = 0.
         """
         t = self.phases[0][0]
@@ -260,35 +275,32 @@ class GalerkinSystem(System):
         q, v, a = np.zeros((3, self.n_dof))
         if not self.kink:
             return State(t, q, v, a, 0)
-        shape, drag, m, b = self._entrained_shapes_and_inertia()
-        m = self.inertia + m
-        load = self.mu * self._load_at_mass(s_o, ds_o, dds_o)
+        entrained = self._entrained_cable()
+        m = self.inertia + entrained.m
+        load = self.mu * self._load_per_mass(s_o, ds_o, dds_o)
         if self.inertia and ds_o > 0.0:
             v_hat = np.zeros(self.fields)
             a_hat = -load / m
         else:
-            of_slope = m * dds_o + (self.damping * (m - self.inertia) - ds_o * b) * ds_o
+            of_slope = m * dds_o + (self.damping * (m - self.inertia) - ds_o * entrained.b) * ds_o
             d = self._slope_behind_at_entry(of_slope, load)
             v_hat = d * ds_o
             a_hat = d * dds_o
-        V = np.multiply.outer(v_hat, shape)  # (fields, n)
-        A = np.multiply.outer(a_hat, shape) - np.multiply.outer(2.0 * ds_o * v_hat, drag)
+        V = np.multiply.outer(v_hat, entrained.shape)  # (fields, n)
+        A = np.multiply.outer(a_hat, entrained.shape) - np.multiply.outer(2.0 * ds_o * v_hat, entrained.drag)
         v[: self.n_modal] = V.ravel()
         a[: self.n_modal] = A.ravel()
         if self.path_form:
             a[self.n_modal :] = a_hat
         return State(t, q, v, a, 0)
 
-    def _entrained_shapes_and_inertia(self) -> tuple[Array, Array, float, float]:
-        """The cable that moves with the mass at the left support: a = a_hat shape - 2 ds_o v_hat drag, m and b.
-
-        Rows of phi in the limit: M0 v_phi + I v_hat = 0,  M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0.
-        """
+    def _entrained_cable(self) -> EntrainedCable:
+        """By the rows of phi in the limit: M0 v_phi + I v_hat = 0,  M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0."""
         value, first, _ = (y[0] for y in self.basis.hat_overlaps_and_derivatives(np.array([0.0])))
         rest, drag = np.linalg.solve(self.basis.basis.mass_matrix(), np.stack([value, first], axis=1)).T
         m = 1.0 / 3.0 - value @ rest
         b = 1.0 / 3.0 + 2.0 * value @ drag
-        return np.append(-rest, 1.0), np.append(drag, 0.0), m, b
+        return EntrainedCable(np.append(-rest, 1.0), np.append(drag, 0.0), m, b)
 
     def _slope_behind_at_entry(self, m: float, load: Array) -> Array:
         """d of m d + [N t - T t_static](X' + d) + load = 0 at the left support."""
@@ -303,6 +315,7 @@ class GalerkinSystem(System):
         return d
 
     def mass_positions_and_displacements(self, states: States) -> tuple[Array, Array]:
+        """s_o (n,) and the displacement u, v of the mass (n, 2)."""
         x = Measures(self, states)
         return x.s_o, x.displacement_at_mass() @ self.cable.direction
 
@@ -310,10 +323,10 @@ class GalerkinSystem(System):
         return observe(self, states, s, frames)
 
 
-def factorised(K: Array) -> Solve:
-    """r -> K^-1 r by LAPACK's LU of K^T, in Fortran's order."""
+def lu_solver_overwriting(K: Array) -> Solve:
+    """r -> K^-1 r by LAPACK's LU of K^T, in Fortran's order; NaN where K is singular."""
     getrf, getrs = (zgetrf, zgetrs) if np.iscomplexobj(K) else (dgetrf, dgetrs)
     lu, pivots, info = getrf(K.T, overwrite_a=True)
     if info:
-        return lambda r: np.full_like(r, np.nan)  # singular
+        return lambda r: np.full_like(r, np.nan)
     return lambda r: getrs(lu, pivots, r, trans=1)[0]

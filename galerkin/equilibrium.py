@@ -28,8 +28,8 @@ class Equilibrium(NamedTuple):
     min_tension_at: Array
 
 
-def tension_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibrium:
-    """Forces (n, 2) at the car and the supports, and along s in these frames, by integrating the balance of forces.
+def forces_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibrium:
+    """Internal forces at the car, the supports, and along s in these frames, by integrating the balance of forces.
 
     x : states of the run;  s : stations (m,);  frames : indices of states (k,).
     N' follows from w.. + c_d w. , whose primitives the basis knows, so no derivative of the strain enters.
@@ -37,7 +37,7 @@ def tension_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibriu
     cable = x.system.cable
     basis = x.system.basis.basis
     damping = x.system.damping
-    internal, strain = force_and_energy_integrals(x)
+    side_forces, strain = side_force_and_energy_integrals(x)
     s_o = x.inside[:, None]  # length of the sides (n, 1)
     rest = 1.0 - x.inside[:, None]
     A = (x.a + damping * x.v)[..., :-1]  # w.. + c_d w. without the hat (n, fields, N)
@@ -48,8 +48,8 @@ def tension_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibriu
     ray_behind, ray_ahead = (twice + damping * once for twice, once in rates)
     moment_behind = sum_of_functions(A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
     moment_ahead = sum_of_functions(A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
-    behind = (internal[:, 0] + moment_behind) / s_o
-    ahead = (internal[:, 1] - moment_ahead) / rest
+    behind = (side_forces[:, 0] + moment_behind) / s_o
+    ahead = (side_forces[:, 1] - moment_ahead) / rest
     at_frames = sum_of_functions(A, first)
 
     def along(s: Array) -> Callable[[Array], Array]:
@@ -71,52 +71,54 @@ def tension_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibriu
 
 
 def min_tension_and_position(
-    cable: FullCable, n: int, along: Callable[[Array], Callable[[Array], Array]], s: Array
+    cable: FullCable, instants: int, along: Callable[[Array], Callable[[Array], Array]], s: Array
 ) -> tuple[Array, Array]:  # fmt: skip
     """Smallest tension of every instant and its s, (n,); along(s)(k): N t at stations s and instants k."""
     count = 60  # for the smallest tension
     stations = np.concatenate([[0.0], s[:: 1 + s.size // count], [1.0]])
     force = along(stations)
-    T = in_batches(lambda k: signed_tension(force(k), static_force(cable, stations)), np.arange(n))
+    T = evaluate_in_batches(lambda k: signed_tension(force(k), static_force(cable, stations)), np.arange(instants))
     return T.min(axis=1), stations[T.argmin(axis=1)]
 
 
-def in_batches(values: Callable[[Array], Array], k: Array) -> Array:
-    """values(k) (k, ...) for instants k, computed for few at once."""
+def evaluate_in_batches(function: Callable[[Array], Array], instants: Array) -> Array:
+    """function(k) (k, ...) for the indices of instants, computed for few at once."""
     batch = 64  # instants at once
-    return np.concatenate([values(some) for some in np.array_split(k, 1 + k.size // batch)])
+    return np.concatenate([function(some) for some in np.array_split(instants, 1 + instants.size // batch)])
 
 
-def force_and_energy_integrals(of: Measures) -> tuple[Array, Array]:
+def side_force_and_energy_integrals(x: Measures) -> tuple[Array, Array]:
     """int (N t - T t_static) ds by sides and fields, (n, 2, 2), and int W ds, (n,)."""
-    system = of.system
-    Q = of.q
-    n = of.s_o.size
-    internal = np.empty((n, 2, 2))
+    system = x.system
+    Q = x.q
+    n = x.s_o.size
+    side_forces = np.empty((n, 2, 2))
     strain = np.empty(n)
     if system.has_compiled_steps:
-        for k, sines in system.sines_by_rules(of.inside):
-            kernels.internal_forces_of_history(sines, of.inside[k], Q[k], internal[k], strain[k])
-        return internal, strain
+        for k, sines in system.runs_with_equal_rules(x.inside):
+            kernels.set_side_forces_and_strain_energies(sines, x.inside[k], Q[k], side_forces[k], strain[k])
+        return side_forces, strain
     cable = system.cable
     kink = system.basis if system.kink else KinkedBasis(system.basis.basis, kink=True)
-    for i, s_o in enumerate(of.inside.tolist()):
+    for i, s_o in enumerate(x.inside.tolist()):
         points = cable.tables_at(kink, s_o)
-        x = kernels.force_energy_and_tangent(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)
+        w_s = Q[i] @ points.phi
+        rows = kernels.force_energy_and_tangent(points.T, points.static_slope, w_s, cable.alpha, cable.law)
         behind = points.phi[-1] > 0.0
-        strain[i] = points.weights @ x[1]
-        internal[i] = np.stack([behind, ~behind]) @ (x[2:4] * points.weights).T
-    return internal, strain
+        strain[i] = points.weights @ rows[1]
+        side_forces[i] = np.stack([behind, ~behind]) @ (rows[2:4] * points.weights).T
+    return side_forces, strain
 
 
 def static_force(cable: FullCable, s: Array) -> Array:
+    """T X' at s (m,), (m, 2)."""
     T, xp, yp, _, _ = cable.groups.tension_and_shape_derivatives(s)
     return np.stack([T * xp, T * yp], axis=1)
 
 
-def signed_tension(force: Array, r: Array) -> Array:
+def signed_tension(force: Array, slope: Array) -> Array:
     """|N t| with the sign it has along r', (...,)."""
-    return np.copysign(np.hypot(force[..., 0], force[..., 1]), np.sum(force * r, axis=-1))
+    return np.copysign(np.hypot(force[..., 0], force[..., 1]), np.sum(force * slope, axis=-1))
 
 
 def slopes_from_forces(force: Array, slopes: Array, T: Any, alpha: float) -> Array:

@@ -1,4 +1,6 @@
-"""The constitutive law: tension and energy of a strain."""
+"""The constitutive law: tension, stiffness and energy by strain."""
+
+from __future__ import annotations
 
 from cablefem.compiled import compiling_decorator
 
@@ -9,7 +11,7 @@ LAWS = ("elastic", "tension-only")  # a law is its index to compiled code
 
 
 @inner
-def tension(strain, T, alpha, law):
+def tension_stiffness_and_energy(strain: float, T: float, alpha: float, law: int) -> tuple[float, float, float, float]:
     """N, dN/deps, the energy int N deps from the static state, and the elastic N.
 
     elastic       N = T + alpha eps

@@ -23,7 +23,7 @@ from cablefem.scene.contacts import (
 )
 from cablefem.shoes import passage_exists_between, possible_passages
 from galerkin.bodies import Body, CarBody, ContactState, Counterweight, Friction, PointCar, Saddle, Spring, dot
-from galerkin.equations import factorised
+from galerkin.equations import lu_solver_overwriting
 from galerkin.line_observe import observe
 from galerkin.segments import Layout, Rope, Softness
 from galerkin.trolley import Trolley, rotate
@@ -330,7 +330,7 @@ class LineSines(System):
             linearised = self._linearised = (state, t, phase, r, K)
         c0, c1, c2 = c
         by_q, by_v, by_a = linearised[4]
-        return linearised[3], factorised(c0 * by_q + c1 * by_v + c2 * by_a)
+        return linearised[3], lu_solver_overwriting(c0 * by_q + c1 * by_v + c2 * by_a)
 
     def begin_step(self, x: State) -> None:
         """Keep the direction of friction, and the brakes that act, for one step."""

@@ -3,9 +3,9 @@
 From coefficients Q (fields, n), measured from the hanging cable, and `tables` = `tables_at(basis, s_o)`:
 
     internal_force_and_tensions(tables, Q)  the internal force R (fields, n), and `tensions`;
-    linearise(tables, Q)                    the same two, and dR/dQ;
-    min_tension(basis, tables, tensions)    the smallest mean tension over a shortest wave, and its s;
-    force_and_tangent(s, slope)             the force of one point for w' = slope, and its derivative
+    force_tensions_and_tangent(tables, Q)   the same two, and dR/dQ;
+    min_tension_and_position(basis, tables, tensions)  the smallest mean tension over a shortest wave, and its s;
+    force_and_tangent(s, w_s)               the force of one point for w', and its derivative
 """
 
 from __future__ import annotations
@@ -35,21 +35,24 @@ class FullCable:
         self.weight = np.array([0.0, groups.sigma])
 
     def tables_at(self, basis: Any, s_o: float) -> kernels.Points:
+        """Quadrature points, Phi' and the static cable there."""
         s, weights, phi = basis.quadrature_with_slopes(s_o)
         T, xp, yp, _, _ = self.groups.tension_and_shape_derivatives(s)
         return kernels.Points(s, phi, weights, T, np.array([xp, yp]))
 
     def _weighted_force_energy_and_tangent(self, points: kernels.Points, Q: Array) -> Array:
         """Rows of `kernels.force_energy_and_tangent`, weighted but for the last, (8, n_q)."""
-        out = kernels.force_energy_and_tangent(points.T, points.r_static, Q @ points.phi, self.alpha, self.law)
+        out = kernels.force_energy_and_tangent(points.T, points.static_slope, Q @ points.phi, self.alpha, self.law)
         out[:7] *= points.weights
         return out
 
     def internal_force_and_tensions(self, points: kernels.Points, Q: Array) -> tuple[Array, Array]:
+        """R (2, n), and the elastic tensions at the points."""
         x = self._weighted_force_energy_and_tangent(points, Q)
         return x[2:4] @ points.phi.T, x[7]
 
-    def linearise(self, points: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
+    def force_tensions_and_tangent(self, points: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
+        """R, the tensions, and dR/dQ (2 n, 2 n)."""
         x = self._weighted_force_energy_and_tangent(points, Q)
         n = len(points.phi)
         K = np.empty((Q.size, Q.size))
@@ -58,9 +61,9 @@ class FullCable:
         K[n:, :n] = K[:n, n:]
         return x[2:4] @ points.phi.T, x[7], K
 
-    def min_tension(self, basis: Any, points: kernels.Points, tensions: Any) -> tuple[float, float]:
+    def min_tension_and_position(self, basis: Any, points: kernels.Points, tensions: Any) -> tuple[float, float]:
         s_o = 1.0 / float(points.phi[-1, 0]) if basis.kink else 1.0  # 1: one side for all
-        return kernels.min_tension(points, s_o, tensions, int(basis.kink))
+        return kernels.min_tension_and_position(points, s_o, tensions, int(basis.kink))
 
     def static_slope_and_curvature(self, s: Any) -> tuple[Array, Array]:
         """r' and r'' at rest."""
@@ -71,16 +74,14 @@ class FullCable:
         """y of the cable at rest, below the left support."""
         return np.asarray(self.groups.coordinates(s)[1])
 
-    def force_energy_and_tangent_rows(self, s: Array, slope: Array) -> Array:
-        """Rows of `kernels.force_energy_and_tangent` at s (m,) for displacements with `slope` (2, m)."""
+    def force_energy_and_tangent_rows(self, s: Array, w_s: Array) -> Array:
+        """Rows of `kernels.force_energy_and_tangent` at s (m,) for displacements of slope w' (2, m)."""
         T, xp, yp, _, _ = self.groups.tension_and_shape_derivatives(s)
-        return kernels.force_energy_and_tangent(
-            T, np.array([xp, yp]), np.ascontiguousarray(slope), self.alpha, self.law
-        )
+        return kernels.force_energy_and_tangent(T, np.array([xp, yp]), np.ascontiguousarray(w_s), self.alpha, self.law)
 
-    def force_and_tangent(self, s: Array, slope: Array) -> tuple[Array, Array]:
-        """N t - T t_static (2,) at one s and its derivative (2, 2)."""
-        _, _, fx, fy, xx, xy, yy, _ = self.force_energy_and_tangent_rows(np.atleast_1d(s), slope[:, None])[:, 0]
+    def force_and_tangent(self, s: Array, w_s: Array) -> tuple[Array, Array]:
+        """N t - T t_static (2,) at one s for w', and its derivative (2, 2) by w'."""
+        _, _, fx, fy, xx, xy, yy, _ = self.force_energy_and_tangent_rows(np.atleast_1d(s), w_s[:, None])[:, 0]
         return np.array([fx, fy]), np.array([[xx, xy], [xy, yy]])
 
 
@@ -106,9 +107,10 @@ class ChordCable:
         self.static_min_tension = float(groups.tension_and_shape_derivatives(self.min_tension_at)[0])
 
     def tables_at(self, basis: Any, s_o: float) -> tuple[Array, Array]:
+        """S (n, n) and b (n,)."""
         return basis.stiffness_matrix(s_o), -self.curvature * basis.integrals()
 
-    def _chord_force_increment_and_gradient(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
+    def _chord_force_rise_and_gradient(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
         """S w, h, and (dh/dQ)/(alpha lam)."""
         S, b = tables
         Sq = Q[0] @ S
@@ -116,20 +118,21 @@ class ChordCable:
         return Sq, h, b + self.kap * Sq
 
     def internal_force_and_tensions(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float]:
-        Sq, h, g = self._chord_force_increment_and_gradient(tables, Q)
+        Sq, h, g = self._chord_force_rise_and_gradient(tables, Q)
         return (self.T_chord * Sq + h * g)[None], h
 
-    def linearise(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
-        _, h, g = self._chord_force_increment_and_gradient(tables, Q)
+    def force_tensions_and_tangent(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
+        """R (1, n), h and dR/dQ (n, n)."""
+        _, h, g = self._chord_force_rise_and_gradient(tables, Q)
         J = (self.T_chord + self.kap * h) * tables[0] + np.multiply.outer(self.alpha * self.lam * g, g)
         return *self.internal_force_and_tensions(tables, Q), J
 
-    def strain_energy_and_tension_increment(self, tables: tuple[Array, Array], Q: Array) -> tuple[float, float]:
+    def strain_energy_and_tension_rise(self, tables: tuple[Array, Array], Q: Array) -> tuple[float, float]:
         """Strain energy and h."""
-        Sq, h, _ = self._chord_force_increment_and_gradient(tables, Q)
+        Sq, h, _ = self._chord_force_rise_and_gradient(tables, Q)
         return 0.5 * self.T_chord * (Q[0] @ Sq) + 0.5 * h**2 / self.alpha, h
 
-    def min_tension(self, basis: Any, tables: Any, h: Any) -> tuple[float, float]:
+    def min_tension_and_position(self, basis: Any, tables: Any, h: Any) -> tuple[float, float]:
         return self.static_min_tension + h, self.min_tension_at
 
     def static_slope_and_curvature(self, s: Any) -> tuple[Array, Array]:
@@ -141,12 +144,13 @@ class ChordCable:
         """Distance at rest from the chord."""
         return np.asarray((-0.5 * self.curvature) * s * (1.0 - s))
 
-    def force_and_tangent(self, s: Array, slope: Array) -> tuple[Array, Array]:
+    def force_and_tangent(self, s: Array, w_s: Array) -> tuple[Array, Array]:
         """T_chord w' and its derivative: one point adds nothing to the mean h."""
-        return self.T_chord * slope, np.full((*slope.shape, 1), self.T_chord)
+        return self.T_chord * w_s, np.full((*w_s.shape, 1), self.T_chord)
 
 
 def cable_model(groups: Groups, model: str, law: str) -> FullCable | ChordCable:
+    """The model of this name; ValueError for an unknown one, or an unknown law."""
     if law not in LAWS:
         raise ValueError(f"unknown law {law!r}; one of {', '.join(LAWS)}")
     if model not in (*MODELS, "straight"):

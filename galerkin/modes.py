@@ -1,3 +1,5 @@
+"""Frequencies of the cable without a mass."""
+
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,6 @@ def scaled_frequencies(groups: Groups, basis: Basis, *, model: str = "full", n: 
     cable = cable_model(groups, model, "elastic")
     moving = KinkedBasis(basis, kink=False)
     tables: Any = cable.tables_at(moving, 0.5)
-    K = cable.linearise(tables, np.zeros((cable.fields, basis.n)))[2]
+    K = cable.force_tensions_and_tangent(tables, np.zeros((cable.fields, basis.n)))[2]
     M = np.kron(np.eye(cable.fields), basis.mass_matrix())
     return np.sqrt(eigh(K, M, eigvals_only=True, subset_by_index=(0, n - 1)))

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from cablefem.response import Observation, States
 from galerkin.bases.kink import Array
 from galerkin.equilibrium import (
+    forces_from_equilibrium,
     signed_tension,
     slopes_from_forces,
     sum_of_functions,
-    tension_from_equilibrium,
 )
 from galerkin.models import ChordCable, FullCable
 
@@ -47,6 +47,7 @@ class Measures:
         return self._hat_slope_rate(order, h, dh, ddh), self._hat_slope_rate(order, 1.0 - h, -dh, -ddh)
 
     def _hat_slope_rate(self, order: int, h: Array, dh: Array, ddh: Array) -> Array:
+        """The same of a side of length h (n, 1), which changes by dh and ddh; (n, fields)."""
         q = self.q[..., -1]
         v = self.v[..., -1]
         if order == 0:
@@ -93,7 +94,7 @@ class Measures:
             w_tt += self.dds_o[:, None] * w_s + ds_o**2 * bend
         return w, w_t, w_tt, np.array([w_s, w_s]) + self.hat_slopes()
 
-    def displacement_fields(self, s: Array, frames: Array) -> Array:
+    def displacement_velocity_slope_fields(self, s: Array, frames: Array) -> Array:
         """w, w. and w' of k frames at m stations, (3, k, fields, m); at s = s_o the side behind."""
         basis = self.system.basis.basis
         is_behind = (s <= self.s_o[frames, None])[:, None]  # (k, 1, m)
@@ -110,7 +111,7 @@ class Measures:
         w_s = with_hat(self.q, basis.phi(s, 1), 0, np.where(is_behind, 1.0, -1.0))
         return np.array([w, w_t, w_s])
 
-    def kinetic_energy(self) -> Array:
+    def cable_kinetic_energy(self) -> Array:
         """1/2 int |w.|^2 ds, (n,), by `KinkedBasis`."""
         V = self.v[..., :-1]
         q = self.q[..., -1]
@@ -123,7 +124,7 @@ class Measures:
             twice = twice + np.sum(cross + v**2 / 3.0 + steep[:, None] * q**2, axis=1)
         return 0.5 * twice
 
-    def depth_integral(self) -> Array:
+    def vertical_displacement_integral(self) -> Array:
         """int v ds, (n,)."""
         integral = self.system.basis.integrals()
         return np.array([v[: integral.size] @ integral for v in self.q[:, -1]])
@@ -136,19 +137,16 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     along = system.cable.direction
     x = Measures(system, states)
     w, w_t, w_tt, slopes = x.motion_and_slopes_at_mass()
-    fields = x.displacement_fields(s, frames)
+    fields = x.displacement_velocity_slope_fields(s, frames)
     slope, bend = cable.static_slope_and_curvature(x.s_o)
     none = np.zeros(x.s_o.size)
     sides = slope + slopes
-    material_force = none
     sunk = none
     if isinstance(cable, FullCable):
-        forces, sides, material_force = _full_cable_tensions_slopes_and_material_force(
-            cable, x, sides, fields[2], s, frames
-        )
-        sunk = x.depth_integral()
+        forces, sides, material_force = _full_cable_forces(cable, x, sides, fields[2], s, frames)
+        sunk = x.vertical_displacement_integral()
     else:
-        forces = _chord_tensions_and_strain_energy(cable, x, s, frames)
+        forces, material_force = _chord_tensions_and_strain_energy(cable, x, s, frames), none
     _, xp, yp, xpp, ypp = groups.tension_and_shape_derivatives(x.s_o)
     static = np.stack([xp, yp], axis=1)
     curvature = np.stack([xpp, ypp], axis=1)
@@ -158,7 +156,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     acceleration = w_tt + dds_o * slope + ds_o**2 * bend
     contact = system.mu * cable.weight - system.inertia * acceleration
     power = x.ds_o * (material_force - np.sum(contact * sides.mean(axis=0), axis=1))
-    of_cable = x.kinetic_energy()
+    of_cable = x.cable_kinetic_energy()
     kinetic = of_cable + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     viscous = 2.0 * system.damping * of_cable
     powers = {"lost_viscous": -viscous} if system.damping else {}
@@ -177,14 +175,22 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     )  # fmt: skip
 
 
-def _full_cable_tensions_slopes_and_material_force(
+class FullCableForces(NamedTuple):
+    """Forces of the full cable at n instants."""
+
+    fields: dict[str, Array]  # of `Observation`
+    slopes: Array  # r' behind and ahead of the mass, (2, n, 2)
+    material_force: Array  # (n,) <N t> . [r'] - [W]
+
+
+def _full_cable_forces(
     cable: FullCable, x: Measures, slopes: Array, w_s: Array, s: Array, frames: Array
-) -> tuple[dict[str, Array], Array, Array]:
-    """Forces by fields of `Observation`, r' at the mass, and the material force <N t> . [r'] - [W]."""
+) -> FullCableForces:  # fmt: skip
+    """From r' by the basis: `slopes` beside the mass (2, n, 2), w_s = w' at stations s in these frames (k, 2, m)."""
     T_o = cable.groups.tension_and_shape_derivatives(x.s_o)[0]
     static_o = cable.static_slope_and_curvature(x.s_o)[0]
     static = cable.static_slope_and_curvature(s)[0]
-    balanced = tension_from_equilibrium(x, s, frames)
+    balanced = forces_from_equilibrium(x, s, frames)
     none_behind = np.where(x.s_o > 0.0, 0.0, np.nan)
     none_ahead = np.where(x.s_o < 1.0, 0.0, np.nan)
     behind = signed_tension(balanced.behind, slopes[0]) + none_behind
@@ -198,7 +204,7 @@ def _full_cable_tensions_slopes_and_material_force(
     if x.system.law == "tension-only":
         smallest = np.maximum(smallest, 0.0)
     pointwise = np.array([cable.force_energy_and_tangent_rows(s, slope)[0] for slope in w_s])
-    forces = {
+    fields = {
         "T_behind": behind, "T_ahead": ahead, "T_behind_pointwise": left[0] + none_behind,
         "T_ahead_pointwise": right[0] + none_ahead,
         "T": signed_tension(balanced.along, static + w_s.transpose(0, 2, 1)),
@@ -207,15 +213,14 @@ def _full_cable_tensions_slopes_and_material_force(
         "tension_min": smallest,
         "tension_min_at": np.where(smallest < balanced.min_tension, x.s_o, balanced.min_tension_at),
     }  # fmt: skip
-    return forces, sides, material_force
+    return FullCableForces(fields, sides, material_force)
 
 
 def _chord_tensions_and_strain_energy(cable: ChordCable, x: Measures, s: Array, frames: Array) -> dict[str, Array]:
+    """Fields of `Observation`."""
     basis = x.system.basis
     rows = zip(x.inside.tolist(), x.q[..., : x.system.n], strict=True)
-    strain, h = np.array(
-        [cable.strain_energy_and_tension_increment(cable.tables_at(basis, s_o), Q) for s_o, Q in rows]
-    ).T
+    strain, h = np.array([cable.strain_energy_and_tension_rise(cable.tables_at(basis, s_o), Q) for s_o, Q in rows]).T
     T = cable.groups.tension_and_shape_derivatives(x.s_o)[0] + h
     return {
         "T_behind": np.where(x.s_o > 0.0, T, np.nan), "T_ahead": np.where(x.s_o < 1.0, T, np.nan),

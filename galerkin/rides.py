@@ -23,7 +23,7 @@ from cablefem.stickslip import CarForces, RollingCar
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.kink import Array
-from galerkin.equations import GalerkinSystem, factorised
+from galerkin.equations import GalerkinSystem, lu_solver_overwriting
 from galerkin.kernels import rolling
 from galerkin.kernels.rolling import Car
 
@@ -55,9 +55,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self.attach_drive(groups)
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
-        # rows t, p.; then t, mean p.. and its rate
-        self._past = np.empty((0, 3))
-        self._smooth = [0.0] * 5
+        self._past = np.empty((0, 3))  # rows t, p.
+        self._mean_acceleration = [0.0] * 5  # t, mean p.. and its rate
         window = 0.3  # of an axial round trip: for the mean acceleration of friction
         self._window = window * self.round_trip
 
@@ -76,29 +75,30 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return np.array([states.q[:, -1], states.v[:, -1], states.a[:, -1]])
 
     def _car_kinematics(self, x: State) -> tuple[float, float, float]:
+        """s_o, ds_o, dds_o."""
         return (float(x.q[-1]), float(x.v[-1]), float(x.a[-1])) if self.free else self.motion.at(x.t, x.phase)
 
     def _car_loads(self, t: float, phase: int) -> rolling.CarLoads:
         drive = self.drive
         against = -self.mode.slip_sign if self.free else -math.copysign(1.0, self.motion.at(t, phase)[1])
         brake = against * self.brake_force
-        of = self.mu, self.groups.sigma, drive.k, drive.wind, self.hold_force(t), against * drive.mu_r, brake
-        since, ax, ay, jx, jy = self._smooth if self.free else (t, math.nan, math.nan, 0.0, 0.0)
-        return rolling.CarLoads(*of, ax + (t - since) * jx, ay + (t - since) * jy)
+        loads = self.mu, self.groups.sigma, drive.k, drive.wind, self.hold_force(t), against * drive.mu_r, brake
+        since, ax, ay, jx, jy = self._mean_acceleration if self.free else (t, math.nan, math.nan, 0.0, 0.0)
+        return rolling.CarLoads(*loads, ax + (t - since) * jx, ay + (t - since) * jy)
 
-    def car_by_equilibrium_tension(self, x: State, loads: rolling.CarLoads | None = None) -> Car:
-        """The car, by the tension from equilibrium; with `loads` it is held."""
+    def car_by_equilibrium_tension(self, x: State, held_loads: rolling.CarLoads | None = None) -> Car:
+        """The car, by the tension from equilibrium; with `held_loads` it is held."""
         ride, sines, kinematics = self._kernel_arguments(x)
-        ride = ride if loads is None else rolling.Ride(rolling.STUCK, loads, 0.0)
+        if held_loads is not None:
+            ride = rolling.Ride(rolling.STUCK, held_loads, 0.0)
+        r = np.empty(self.n_dof)
         none = np.empty((0, self.n_dof, self.n_dof))
-        return kernels.residual_and_derivatives(ride, sines, kinematics, np.array(x[1:4]), np.empty(self.n_dof), none)[
-            0
-        ]
+        return kernels.set_residual_and_derivatives(ride, sines, kinematics, np.array(x[1:4]), r, none)[0]
 
-    def _car_by_slopes(self, x: State) -> Car:
+    def _car_by_slopes_without_thrust(self, x: State) -> Car:
         """The car, by slopes of the basis and without thrust."""
         ride, sines, kinematics = self._kernel_arguments(x)
-        return rolling.car_by_slopes(ride.loads, sines, kinematics, np.array(x[1:4]))
+        return rolling.car_by_slopes_without_thrust(ride.loads, sines, kinematics, np.array(x[1:4]))
 
     def begin_step(self, x: State) -> None:
         """Update the car's mean acceleration, for friction and lift-off.
@@ -108,12 +108,13 @@ class RollingSystem(RollingCar, GalerkinSystem):
         super().begin_step(x)
         if not self.free or (self._past.size and x.t <= self._past[-1, 0]):
             return
-        car = self._car_by_slopes(x)
+        car = self._car_by_slopes_without_thrust(x)
         past = np.concatenate([self._past, [[x.t, car.vx, car.vy]]])
-        first, *self._smooth = rolling.mean_acceleration(past, 0, len(past) - 1, self._window)
+        first, *self._mean_acceleration = rolling.mean_acceleration_and_rate(past, 0, len(past) - 1, self._window)
         self._past = past[int(first) :]
 
     def hold_force(self, t: float) -> float:
+        """F_hold on a free car at t; 0 on a hauled one."""
         return self.hold * self.drive.hold_fraction(t) if self.free else 0.0
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
@@ -144,22 +145,25 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self._residual_and_derivatives(State(t, q, v, a, phase), 0)[0]
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
-        r, parts = self._residual_and_derivatives(State(t, q, v, a, phase), 3)
-        return r, factorised(np.tensordot(c, parts, 1))
+        r, derivatives = self._residual_and_derivatives(State(t, q, v, a, phase), 3)
+        return r, lu_solver_overwriting(np.tensordot(c, derivatives, 1))
 
-    def _residual_and_derivatives(self, x: State, count: int) -> tuple[Array, Array]:
+    def _residual_and_derivatives(self, x: State, derivative_count: int) -> tuple[Array, Array]:
+        """The residual, NaN off the cable, and the first of its derivatives by q, v, a; sets `min_tension_and_position`."""
         r = np.full(self.n_dof, np.nan)
-        parts = np.zeros((count, self.n_dof, self.n_dof))
+        derivatives = np.zeros((derivative_count, self.n_dof, self.n_dof))
         if 0.0 < self.position(x) < 1.0:  # else a trial off the cable
             ride, sines, kinematics = self._kernel_arguments(x)
-            _, self.min_tension_and_position = kernels.residual_and_derivatives(
-                ride, sines, kinematics, np.array(x[1:4]), r, parts
-            )
-        return r, parts
+            state = np.array(x[1:4])
+            _, self.min_tension_and_position = kernels.set_residual_and_derivatives(ride, sines, kinematics, state, r, derivatives)
+        return r, derivatives
 
     def _kernel_arguments(self, x: State) -> tuple[rolling.Ride, kernels.CableSines, tuple[float, float, float]]:
+        """How the car rolls, the cable, and s_o, ds_o, dds_o."""
         kinematics = self._car_kinematics(x)
-        mode = rolling.HAULED if not self.free else rolling.FREE if self.mode.slip_sign != 0.0 else rolling.STUCK
+        mode = rolling.HAULED
+        if self.free:
+            mode = rolling.FREE if self.mode.slip_sign != 0.0 else rolling.STUCK
         loads = self._car_loads(x.t, x.phase)
         sines = self._cable_sines(*self.sines.gauss_rules_of_sides(kinematics[0]))
         return rolling.Ride(mode, loads, self._thrust(x)), sines, kinematics
@@ -167,13 +171,13 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _thrust(self, x: State) -> float:
         return float(self.drive.thrust(x.t, x.phase)) if self.free else 0.0
 
-    def _compiled_steps(
+    def _compiled_steps_without_events(
         self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
     ) -> tuple[int, Array, Array]:
         ride, sines, kinematics = self._kernel_arguments(State(float(t[0]), start[0], start[1], start[2], phase))
         return kernels.solve_steps(ride, NO_BOUNDS, sines, np.array([kinematics]), start, rules, newton)
 
-    def _compiled_step_blocks(
+    def _compiled_steps_until_event(
         self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
     ) -> tuple[int, Array, Array]:
         """Steps end at an event, where the rules change, or where a hauled car turns."""
@@ -184,20 +188,21 @@ class RollingSystem(RollingCar, GalerkinSystem):
         ride, _, at_start = self._kernel_arguments(State(t[0], start[0], start[1], start[2], phase))
         if self.free:
             reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
-            rules_at = self.sines.gauss_rules_of_sides
+            behind, _ = self.sines.gauss_rules_of_sides(max(s_o, reach))
+            _, ahead = self.sines.gauss_rules_of_sides(min(s_o, reach))
             kinematics = np.array([at_start])
-            sines = self._cable_sines(rules_at(max(s_o, reach))[0], rules_at(min(s_o, reach))[1])
+            sines = self._cable_sines(behind, ahead)
         else:
             kinematics = np.ascontiguousarray(self.motion.kinematics(t, phase).T)
             turned = np.flatnonzero(np.signbit(kinematics[:, 1]) != np.signbit(kinematics[0, 1]))
-            same, sines = next(self.sines_by_rules(kinematics[: turned[0] if turned.size else t.size, 0]))
+            same, sines = next(self.runs_with_equal_rules(kinematics[: turned[0] if turned.size else t.size, 0]))
             t = t[same]
             rules = rules[same]
         thrust = drive.thrust(t, phase) if self.free else np.zeros(t.size)
         past = np.concatenate([self._past, np.empty((t.size, 3))])
-        smooth = np.zeros(6)
+        mean_acceleration = np.zeros(6)
         history = rolling.CarHistory(
-            t, thrust, past, self._window, smooth, *self.event_free_range(), self.mode.lifted_off
+            t, thrust, past, self._window, mean_acceleration, *self.event_free_range(), self.mode.lifted_off
         )
         taken, ends, results = kernels.solve_steps(ride, history, sines, kinematics, start, rules, newton)
         if taken:
@@ -205,7 +210,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
             dt = float(rules[taken - 1, 0, 1])
             self.events_from = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
             if self.free:
-                self._past = past[int(smooth[0]) : len(past) - t.size + taken]
+                self._past = past[int(mean_acceleration[0]) : len(past) - t.size + taken]
         return taken, ends, results
 
     def start(self, phase: int, state: State | None) -> State:
@@ -218,15 +223,15 @@ class RollingSystem(RollingCar, GalerkinSystem):
         s_o = self.drive.start
         self.reset()
         self._past = np.empty((0, 3))
-        self._smooth = [0.0] * 5
+        self._mean_acceleration = [0.0] * 5
         if not self.free:
             speed = self.motion.at(0.0, 0)[1]
-            return self.solve_acceleration(quasi_static_start(self, self._rest_of_hauled_car, s_o, speed))
+            return self.solve_acceleration(quasi_static_start(self, self._hauled_unknowns_at_rest, s_o, speed))
         q = np.append(solve_equilibrium(self.with_clamped_car(s_o)), s_o)
         still = np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
         car = self.car_by_equilibrium_tension(x, rolling.CarLoads(self.mu, self.groups.sigma, 0.0, 0.0))
-        self.hold = car.along * car.stretch
+        self.hold = car.needed_force_along_rope * car.stretch
         return self.release_car(x)
 
     def with_clamped_car(self, s_o: float) -> GalerkinSystem:
@@ -234,7 +239,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         groups = replace(self.groups, motion=rest_motion(s_o, 1.0))
         return GalerkinSystem(groups, self.sines, kink=True, law="tension-only")
 
-    def _rest_of_hauled_car(self, s_o: float) -> Array:
+    def _hauled_unknowns_at_rest(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
         system = CarOnRope(still, self.sines, law="tension-only")
@@ -243,6 +248,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         )
 
     def solve_acceleration(self, x: State) -> State:
+        """The state with the accelerations that its balance needs."""
         a = np.zeros(self.n_dof)
         for _ in range(3):  # friction is not linear
             r, solve = self.linearise(x.t, x.q, x.v, a, x.phase, 0.0, 0.0, 1.0)
@@ -251,19 +257,19 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def car_forces(self, x: State) -> CarForces:
         """The larger normal force counts: the present one oscillates near a support, the mean one lags."""
-        car = self._car_by_slopes(x)
+        car = self._car_by_slopes_without_thrust(x)
         along = self._thrust(x) + car.tx * car.drag_x + car.ty * (car.drag_y + self.mu * self.groups.sigma)
         return CarForces(max(car.pressing, car.normal), car.speed, along, self.mu * self.groups.sigma * car.tx)
 
     def hold_and_normal_force(self, x: State) -> tuple[float, float]:
         car = self.car_by_equilibrium_tension(x)
-        return car.along - self.hold_force(x.t) / car.stretch, car.normal
+        return car.needed_force_along_rope - self.hold_force(x.t) / car.stretch, car.normal
 
 
 class CarOnRope(RollingSystem):
     """A hauled car at rest; its last unknown is the haul force."""
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
-        r, parts = self._residual_and_derivatives(State(t, q, v, np.append(a[:-1], q[-1]), phase), 3)
-        parts[0, :, -1] = parts[2, :, -1]
-        return r, factorised(np.tensordot(c, parts, 1))
+        r, derivatives = self._residual_and_derivatives(State(t, q, v, np.append(a[:-1], q[-1]), phase), 3)
+        derivatives[0, :, -1] = derivatives[2, :, -1]
+        return r, lu_solver_overwriting(np.tensordot(c, derivatives, 1))

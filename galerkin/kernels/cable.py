@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from galerkin.kernels.dense import multiply
-from galerkin.law import compiled, inner, tension
+from galerkin.kernels.dense import set_product
+from galerkin.law import compiled, inner, tension_stiffness_and_energy
+
+if TYPE_CHECKING:
+    from galerkin.bases.kink import InertiaTerms
+    from galerkin.kernels.instant import CableSines, Instant, MassTerms
+    from galerkin.kernels.rolling import Coefficients
+    from galerkin.kernels.steps import Workspace
 
 Array = np.ndarray
+Pair = tuple[float, float]
 
 
 class Points(NamedTuple):
@@ -20,10 +27,12 @@ class Points(NamedTuple):
     phi: Array  # Phi', (n, m)
     weights: Array  # (m,)
     T: Array  # (m,)
-    r_static: Array  # x', y', (2, m)
+    static_slope: Array  # x', y', (2, m)
 
 
 class Cable(NamedTuple):
+    """Constants of the cable and its load."""
+
     inertia: float  # mu, or 0 for a force
     mu: float
     alpha: float
@@ -35,8 +44,8 @@ class Cable(NamedTuple):
 
 
 @inner
-def hanging_cable_at(s, sigma, c):
-    """T, and x', y' as rows, of (9)-(10)."""
+def static_tension_and_slope(s: Array, sigma: float, c: float) -> tuple[Array, Array]:
+    """T (m,), and x', y' as rows (2, m), of (9)-(10)."""
     T = np.empty(s.size)
     r = np.empty((2, s.size))
     for i in range(s.size):
@@ -48,17 +57,19 @@ def hanging_cable_at(s, sigma, c):
 
 
 @inner
-def force_energy_and_stiffness_at_point(T, X, w, alpha, law):
+def force_energy_and_stiffness_at_point(
+    T: float, static_slope: Pair, w_s: Pair, alpha: float, law: int
+) -> tuple[float, float, float, float, float, float, float]:
     """N, W, N t - T t_static (2), k, d, and the tension of the elastic law, from X' and w'.
 
     k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is (k - T) X' + k w', without cancellation.
     """
-    xp, yp = X
-    ux, vy = w
+    xp, yp = static_slope
+    ux, vy = w_s
     e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy
     stretch = math.sqrt(1.0 + e)
     eps = e / (1.0 + stretch)  # sqrt(1 + e) - 1 without cancellation
-    N, dN, W, elastic = tension(eps, T, alpha, law)
+    N, dN, W, elastic = tension_stiffness_and_energy(eps, T, alpha, law)
     k = N / stretch
     d = (dN - k) / (stretch * stretch)
     excess = (N - T - T * eps) / stretch
@@ -66,14 +77,14 @@ def force_energy_and_stiffness_at_point(T, X, w, alpha, law):
 
 
 @compiled
-def force_energy_and_tangent(T, r_static, slope, alpha, law):
-    """Rows N, W, N t - T t_static (2), its tangent xx, xy, yy, and the elastic T + alpha eps: (8, m)."""
+def force_energy_and_tangent(T: Array, static_slope: Array, w_s: Array, alpha: float, law: int) -> Array:
+    """From X', w' (2, m) the rows N, W, N t - T t_static (2), its tangent xx, xy, yy, and T + alpha eps: (8, m)."""
     out = np.empty((8, T.size))
     for i in range(T.size):
-        xp = r_static[0, i]
-        yp = r_static[1, i]
-        ux = slope[0, i]
-        vy = slope[1, i]
+        xp = static_slope[0, i]
+        yp = static_slope[1, i]
+        ux = w_s[0, i]
+        vy = w_s[1, i]
         out[0, i], out[1, i], out[2, i], out[3, i], k, d, out[7, i] = force_energy_and_stiffness_at_point(
             T[i], (xp, yp), (ux, vy), alpha, law
         )
@@ -86,21 +97,21 @@ def force_energy_and_tangent(T, r_static, slope, alpha, law):
 
 
 @inner
-def set_internal_force(points, Q, cable, force, workspace):
+def set_forces_return_energy(points: Points, Q: Array, cable: Cable, force: Array, workspace: Workspace) -> float:
     """Set the internal force (2, n) and gram, tensions and side_forces of `Workspace`; return int W ds."""
     slope = np.empty((2, points.weights.size))
     energy = 0.0
-    multiply(Q, points.phi, False, slope)
+    set_product(Q, points.phi, False, slope)
     workspace.side_forces[:] = 0.0
     for i in range(points.weights.size):
-        X = (points.r_static[0, i], points.r_static[1, i])
-        w = (slope[0, i], slope[1, i])
+        static_slope = (points.static_slope[0, i], points.static_slope[1, i])
+        w_s = (slope[0, i], slope[1, i])
         weight = points.weights[i]
         _, W, fx, fy, k, d, workspace.tensions[i] = force_energy_and_stiffness_at_point(
-            points.T[i], X, w, cable.alpha, cable.law
+            points.T[i], static_slope, w_s, cable.alpha, cable.law
         )
-        rx = X[0] + w[0]
-        ry = X[1] + w[1]
+        rx = static_slope[0] + w_s[0]
+        ry = static_slope[1] + w_s[1]
         workspace.gram[0, i] = weight * (k + d * rx * rx)
         workspace.gram[1, i] = weight * (d * rx * ry)
         workspace.gram[2, i] = weight * (k + d * ry * ry)
@@ -110,40 +121,48 @@ def set_internal_force(points, Q, cable, force, workspace):
         workspace.side_forces[side, 0] += weight * fx
         workspace.side_forces[side, 1] += weight * fy
         energy += weight * W
-    multiply(slope, points.phi, True, force)
+    set_product(slope, points.phi, True, force)
     return energy
 
 
+@inner
+def set_cosine_integrals(phi: Array, f: Array, dense: Array, rows: Array, sums: Array, c: Array) -> None:
+    """Set c_|m| = int f g^2 cos(m x), m = -2N .. 2N, and sums[2] to int f Phi_j' hat'; f (m,) is weighted.
+
+    cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x).  rows (3, m) and sums (3, n) are memory.
+    """
+    N = phi.shape[0] - 1
+    c[2 * N] = 0.0
+    for q in range(f.size):
+        rows[0, q] = f[q] * dense[q]
+        rows[1, q] = f[q] * (phi[N - 1, q] / (N * math.pi))
+        rows[2, q] = f[q] * phi[N, q]
+        c[2 * N] += rows[0, q] * dense[q]
+    set_product(rows, phi, True, sums)
+    for k in range(1, N + 1):
+        c[2 * N + k] = c[2 * N - k] = sums[0, k - 1] / (k * math.pi)
+    for k in range(1, N + 1):
+        c[3 * N + k] = c[N - k] = 2.0 * sums[1, k - 1] / (k * math.pi) - c[3 * N - k]
+
+
 @compiled
-def stiffness(phi, gram, grading, out):
+def set_stiffness(phi: Array, gram: Array, grading: float, out: Array) -> None:
     """Set out (2 n, 2 n) to int Phi_i' f_ab Phi_j' ds; gram (3, m): weighted f_xx, f_xy, f_yy.
 
-    phi_j' phi_k' = j k pi^2/2 g^2 (cos((j-k) x) + cos((j+k) x)), x = pi xi, g = dxi/ds = 1 + grading phi_2'/(2 pi), and
-    cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x).
+    phi_j' phi_k' = j k pi^2/2 g^2 (cos((j-k) x) + cos((j+k) x)), x = pi xi, g = dxi/ds = 1 + grading phi_2'/(2 pi).
     """
     n, m = phi.shape
     N = n - 1
     dense = np.empty(m)
     for q in range(m):
         dense[q] = 1.0 + grading * phi[1, q] / (2.0 * math.pi)
-    # c_|m|, m = -2N .. 2N
     rows = np.empty((3, m))
     sums = np.empty((3, n))
     c = np.empty(4 * N + 1)
     for i in range(3):
         a = i // 2
         b = (i + 1) // 2
-        c[2 * N] = 0.0
-        for q in range(m):
-            rows[0, q] = gram[i, q] * dense[q]
-            rows[1, q] = gram[i, q] * (phi[N - 1, q] / (N * math.pi))
-            rows[2, q] = gram[i, q] * phi[N, q]
-            c[2 * N] += rows[0, q] * dense[q]
-        multiply(rows, phi, True, sums)
-        for k in range(1, N + 1):
-            c[2 * N + k] = c[2 * N - k] = sums[0, k - 1] / (k * math.pi)
-        for k in range(1, N + 1):
-            c[3 * N + k] = c[N - k] = 2.0 * sums[1, k - 1] / (k * math.pi) - c[3 * N - k]
+        set_cosine_integrals(phi, gram[i], dense, rows, sums, c)
         for j in range(1, N + 1):
             minus = c[2 * N - j :]
             plus = c[2 * N + j :]
@@ -158,8 +177,8 @@ def stiffness(phi, gram, grading, out):
 
 
 @inner
-def acceleration_on_path(terms, Q, V, A):
-    """w.. along the path."""
+def displacement_acceleration_on_path(terms: InertiaTerms, Q: Array, V: Array, A: Array) -> Array:
+    """w.. at the mass as it travels, (fields,)."""
     out = np.empty(A.shape[0])
     for a in range(out.size):
         out[a] = 0.0
@@ -169,8 +188,11 @@ def acceleration_on_path(terms, Q, V, A):
 
 
 @inner
-def add_inertia(terms, Q, V, A, damping, C, R):
-    """Add the cable's inertia and damping, and the force C (2,) at the mass, to R."""
+def add_inertia_and_mass_force(
+    terms: InertiaTerms, coefficients: Coefficients, damping: float, C: Array, R: Array
+) -> None:
+    """Add the cable's inertia and damping, and the force C (2,) at the mass, to R (2, n)."""
+    Q, V, A = coefficients
     last = terms.f.size - 1
     for a in range(R.shape[0]):
         for k in range(terms.f.size):
@@ -186,22 +208,24 @@ def add_inertia(terms, Q, V, A, damping, C, R):
 
 
 @inner
-def add_gripping_mass(at_mass, coefficients, cable, R):
+def add_inertia_and_gripping_mass(at_mass: MassTerms, coefficients: Coefficients, cable: Cable, R: Array) -> None:
     """Add the cable's inertia and a mass that grips it, or a force, to R (2, n)."""
-    C = acceleration_on_path(at_mass.inertia, coefficients.Q, coefficients.V, coefficients.A)
+    C = displacement_acceleration_on_path(at_mass.inertia, coefficients.Q, coefficients.V, coefficients.A)
     for a in range(2):
         C[a] = cable.inertia * C[a] + cable.mu * at_mass.load[a]
-    add_inertia(at_mass.inertia, coefficients.Q, coefficients.V, coefficients.A, cable.damping, C, R)
+    add_inertia_and_mass_force(at_mass.inertia, coefficients, cable.damping, C, R)
 
 
 @inner
-def set_gripping_tangent(now, sines, gram, c, K):
+def set_tangent_with_gripping_mass(
+    now: Instant, sines: CableSines, gram: Array, c: tuple[float, float, float], K: Array
+) -> None:
     """Set K (2 n, 2 n) to the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass."""
     terms = now.at_mass.inertia
     mu = sines.cable.inertia
     c0, c1, c2 = c
     n = now.at_mass.inertia.f.size
-    stiffness(now.points.phi, gram, sines.grading, K)
+    set_stiffness(now.points.phi, gram, sines.grading, K)
     for i in range(2 * n):
         k = i % n
         first = (i // n) * n
@@ -215,8 +239,8 @@ def set_gripping_tangent(now, sines, gram, c, K):
 
 
 @compiled
-def min_tension(points, s_o, tensions, hat=1):
-    """Least tension and its s; a negative one counts as its mean over a shortest wave of the basis, 2/n.
+def min_tension_and_position(points: Points, s_o: float, tensions: Array, hat: int = 1) -> tuple[float, float]:
+    """Smallest tension and its s; a negative one counts as its mean over a shortest wave of the basis, 2/n.
 
     hat : 0 for a basis without one
     """

@@ -29,8 +29,8 @@ TRANSPOSED = ord("t")
 
 
 @inner
-def multiply(a, b, transposed, out):
-    """Set out (m, n) to a b, or where `transposed` to a b^T."""
+def set_product(a: Any, b: Any, transpose_b: bool, out: Any) -> None:
+    """Set out (m, n) to a b, or to a b^T; ValueError unless all are in C order."""
     if not (a.flags.c_contiguous and b.flags.c_contiguous and out.flags.c_contiguous):
         raise ValueError("arrays must be in C order")
     factors = np.empty(2)
@@ -41,19 +41,19 @@ def multiply(a, b, transposed, out):
     n = out.shape[1]
     one = factors.ctypes
     zero = factors[1:].ctypes
-    way = TRANSPOSED if transposed else PLAIN
-    _gemm(DOUBLE, way, PLAIN, n, m, k, one, b.ctypes, b.shape[1], a.ctypes, k, zero, out.ctypes, n)
+    b_order = TRANSPOSED if transpose_b else PLAIN
+    _gemm(DOUBLE, b_order, PLAIN, n, m, k, one, b.ctypes, b.shape[1], a.ctypes, k, zero, out.ctypes, n)
 
 
 @inner
-def empty_factors(n):
-    """Memory for `set_factors`: the columns of L and U (n, n), and the rows that change places (n,)."""
+def allocate_lu_factors(n: int) -> Any:
+    """Memory for `set_lu_factors`: the columns of L and U (n, n), and the rows that change places (n,)."""
     return np.empty((n, n)), np.empty(n, dtype=F_INT_nptype)
 
 
 @inner
-def set_factors(K, factors):
-    """Set factors of K (n, n); NaN if it is singular."""
+def set_lu_factors(K: Any, factors: Any) -> None:
+    """Set the factors of K (n, n), NaN if it is singular."""
     columns, pivots = factors
     n = pivots.size
     for j in range(n):
@@ -64,7 +64,7 @@ def set_factors(K, factors):
 
 
 @inner
-def solve(factors, x):
+def solve_in_place(factors: Any, x: Any) -> None:
     """Overwrite x (n,) by K^-1 x."""
     columns, pivots = factors
     n = pivots.size

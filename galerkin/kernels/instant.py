@@ -9,8 +9,10 @@ import numpy as np
 
 from galerkin.bases.fourier import side_quadrature_with_slopes, values_derivatives_primitives
 from galerkin.bases.kink import Array, InertiaTerms, inertia_terms_with_hat
-from galerkin.kernels.cable import Cable, Points, hanging_cable_at
+from galerkin.kernels.cable import Cable, Points, static_tension_and_slope
 from galerkin.law import inner
+
+Kinematics = tuple[float, float, float]  # s_o, ds_o, dds_o
 
 
 class CableSines(NamedTuple):
@@ -26,6 +28,8 @@ class CableSines(NamedTuple):
 
 
 class MassTerms(NamedTuple):
+    """Terms of the mass at its position s_o."""
+
     inertia: InertiaTerms
     slope: Array  # X' at the mass, (2,)
     load: Array  # X.. - sigma j, (2,)
@@ -35,12 +39,14 @@ class MassTerms(NamedTuple):
 
 
 class Instant(NamedTuple):
+    """What the position and motion of the mass fix."""
+
     points: Points
     at_mass: MassTerms
 
 
 @inner
-def mass_terms(sines, kinematics):
+def mass_terms(sines: CableSines, kinematics: Kinematics) -> MassTerms:
     """`MassTerms` of s_o, ds_o, dds_o; the load of a force alone is its weight."""
     cable = sines.cable
     s_o, ds_o, dds_o = kinematics
@@ -60,24 +66,25 @@ def mass_terms(sines, kinematics):
 
 
 @inner
-def points_at(sines, s_o):
+def quadrature_points_at(sines: CableSines, s_o: float) -> Points:
     s, weights, phi = side_quadrature_with_slopes(s_o, sines.behind, sines.ahead, sines.left.size, sines.grading)
-    T, r_static = hanging_cable_at(s, sines.cable.sigma, sines.cable.c)
-    return Points(s, phi, weights, T, r_static)
+    T, static_slope = static_tension_and_slope(s, sines.cable.sigma, sines.cable.c)
+    return Points(s, phi, weights, T, static_slope)
 
 
 @inner
-def instant_at(sines, kinematics):
-    return Instant(points_at(sines, kinematics[0]), mass_terms(sines, kinematics))
+def instant_at(sines: CableSines, kinematics: Kinematics) -> Instant:
+    return Instant(quadrature_points_at(sines, kinematics[0]), mass_terms(sines, kinematics))
 
 
 @inner
-def kinematics_in_row(states, i):
+def kinematics_in_row(rows: Array, i: int) -> Kinematics:
     """s_o, ds_o, dds_o of row i."""
-    return states[i, 0], states[i, 1], states[i, 2]
+    return rows[i, 0], rows[i, 1], rows[i, 2]
 
 
 @inner
-def kinematics_of_state(state):
+def kinematics_of_free_car(state: Array) -> Kinematics:
+    """s_o, ds_o, dds_o, the last unknown of a state (3, n_dof)."""
     last = state.shape[1] - 1
     return state[0, last], state[1, last], state[2, last]

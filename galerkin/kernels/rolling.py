@@ -3,21 +3,34 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from galerkin.kernels.cable import Array, acceleration_on_path, add_inertia
-from galerkin.kernels.dense import multiply
-from galerkin.kernels.instant import kinematics_in_row, kinematics_of_state, mass_terms
+from galerkin.kernels.cable import Array, add_inertia_and_mass_force, displacement_acceleration_on_path
+from galerkin.kernels.dense import set_product
+from galerkin.kernels.instant import (
+    CableSines,
+    Instant,
+    Kinematics,
+    MassTerms,
+    kinematics_in_row,
+    kinematics_of_free_car,
+    mass_terms,
+)
 from galerkin.law import compiled, inner
+
+if TYPE_CHECKING:
+    from galerkin.bases.kink import InertiaTerms
+    from galerkin.kernels.cable import Cable
+    from galerkin.kernels.steps import Workspace
 
 STUCK = 0
 FREE = 1
 HAULED = 2
 MIN_TENSION = 1e-3  # over H, of a taut cable
 STEP = 1e-6  # of difference quotients
-MIN_WINDOW = 6.0  # least length of the window of `mean_acceleration`, in steps
+MIN_WINDOW = 6.0  # [steps] shortest window of `mean_acceleration_and_rate`
 
 
 class CarLoads(NamedTuple):
@@ -35,6 +48,8 @@ class CarLoads(NamedTuple):
 
 
 class Ride(NamedTuple):
+    """How a car rolls, and its loads."""
+
     mode: int  # FREE, STUCK: the last unknown is s_o; HAULED: its acceleration is the haul force
     loads: CarLoads
     thrust: float
@@ -59,7 +74,8 @@ class Car(NamedTuple):
     normal: float  # `pressing` for friction
 
     @property
-    def along(self) -> float:
+    def needed_force_along_rope(self) -> float:
+        """f of the balance tau . C = f cos(phi)."""
         return (self.tx * self.Cx + self.ty * self.Cy) / self.cos_phi
 
 
@@ -71,9 +87,9 @@ class CarHistory(NamedTuple):
 
     t: Array  # (m,) times at which the steps are balanced; (0,): one step without events
     thrust: Array  # (m,) there
-    past: Array  # (k + m, 3) for `mean_acceleration`, m rows still empty
+    past: Array  # (k + m, 3) for `mean_acceleration_and_rate`, m rows still empty
     window: float
-    smooth: Array  # (6,) result of `mean_acceleration` for the last step; zeros at first
+    mean_acceleration: Array  # (6,) result of `mean_acceleration_and_rate` for the last step; zeros at first
     low: float  # event: s_o leaves (low, high)
     high: float
     sign: float  # event: ds_o loses this sign; 0: it may turn
@@ -91,19 +107,20 @@ class Coefficients(NamedTuple):
 
 
 @inner
-def split_state(state, n):
+def coefficients_of_state(state: Array, n: int) -> Coefficients:
+    """Views of the state (3, n_dof)."""
     return Coefficients(
         state[0, : 2 * n].reshape(2, n), state[1, : 2 * n].reshape(2, n), state[2, : 2 * n].reshape(2, n)
     )
 
 
-def car_from_motion(loads, thrust, velocity, acceleration, sides):
+def car_from_motion(loads: CarLoads, thrust: Any, velocity: Any, acceleration: Any, slopes: Any) -> Car:
     """The car from p., p.. (2,) and r' of both sides (2, 2), or of n instants (2, n), (2, 2, n).
 
     thrust : may be the haul force
     """
-    behind = sides[0]
-    ahead = sides[1]
+    behind = slopes[0]
+    ahead = slopes[1]
     mx = 0.5 * (behind[0] + ahead[0])
     my = 0.5 * (behind[1] + ahead[1])
     size = np.hypot(mx, my)
@@ -127,33 +144,30 @@ def car_from_motion(loads, thrust, velocity, acceleration, sides):
     )
 
 
-car = compiled(car_from_motion)
+compiled_car_from_motion = compiled(car_from_motion)
 
 
 @inner
-def set_slope_from_force(force, slope, T, alpha):
-    """Replace r' (2,) by that of the force N t; return lam/N, 0 if slack."""
+def stretch_over_tension(force: Array, slope: Array, T: float, alpha: float) -> float:
+    """lam/N where the cable carries the force N t (2,); 0 where it is slack, r' (2,) = slope points elsewhere."""
     N = math.hypot(force[0], force[1])
     if not (N > MIN_TENSION and force[0] * slope[0] + force[1] * slope[1] > 0.0):
         return 0.0
-    size = (1.0 + (N - T) / alpha) / N
-    slope[0] = size * force[0]
-    slope[1] = size * force[1]
-    return size
+    return (1.0 + (N - T) / alpha) / N
 
 
 @inner
-def hat_overlap(terms, side, k):
+def hat_overlap_on_side(terms: InertiaTerms, side: int, k: int) -> float:
     """int hat Phi_k ds behind (0) or ahead (1) of the car."""
     return terms.behind[k] if side == 0 else terms.mass[-1, k] - terms.behind[k]
 
 
 @inner
-def car_kinematics(at_mass, coefficients, sigma):
+def car_motion_and_slopes(at_mass: MassTerms, coefficients: Coefficients, sigma: float) -> tuple[Array, Array, Array]:
     """p., p.. (2,), and r' of both sides (2, 2) by the slopes of the basis."""
     terms = at_mass.inertia
     last = terms.f.size - 1
-    p = acceleration_on_path(terms, coefficients.Q, coefficients.V, coefficients.A)
+    p = displacement_acceleration_on_path(terms, coefficients.Q, coefficients.V, coefficients.A)
     velocity = np.empty(2)
     sides = np.empty((2, 2))
     for a in range(2):
@@ -171,15 +185,17 @@ def car_kinematics(at_mass, coefficients, sigma):
 
 
 @inner
-def car_kinematics_from_tension(at_mass, coefficients, internal, cable):
-    """`car_kinematics` with r' by the tension from equilibrium, and lam/N of both sides.
+def car_motion_and_equilibrium_slopes(
+    at_mass: MassTerms, coefficients: Coefficients, side_forces: Array, cable: Cable
+) -> tuple[Array, Array, Array, Array]:
+    """`car_motion_and_slopes` with r' by the tension from equilibrium, and lam/N of both sides (2,).
 
-    Slopes of sines are inaccurate on a short side.  internal : `side_forces` of `set_internal_force`
+    Slopes of sines are inaccurate on a short side.  side_forces : of `Workspace`
     """
-    velocity, p, slopes = car_kinematics(at_mass, coefficients, cable.sigma)
+    velocity, p, slopes = car_motion_and_slopes(at_mass, coefficients, cable.sigma)
     terms = at_mass.inertia
     ds_o = at_mass.ds_o
-    turns = np.empty(2)
+    ratios = np.empty(2)
     T = 1.0 / at_mass.slope[0]
     last = terms.f.size - 1
     force = np.empty(2)
@@ -187,19 +203,21 @@ def car_kinematics_from_tension(at_mass, coefficients, internal, cable):
         h, sign = (at_mass.s_o, 1.0) if side == 0 else (1.0 - at_mass.s_o, -1.0)
         bends = sign * 2.0 * ds_o * ds_o / h - at_mass.dds_o - cable.damping * ds_o
         for a in range(2):
-            force[a] = T * at_mass.slope[a] + internal[side, a] / h
+            force[a] = T * at_mass.slope[a] + side_forces[side, a] / h
             force[a] += (bends * coefficients.Q[a, last] - 2.0 * ds_o * coefficients.V[a, last]) / 3.0
             for i in range(last + 1):
-                force[a] += (
-                    sign * hat_overlap(terms, side, i) * (coefficients.A[a, i] + cable.damping * coefficients.V[a, i])
-                )
-        turns[side] = set_slope_from_force(force, slopes[side], T, cable.alpha)
-    return velocity, p, slopes, turns
+                rate = coefficients.A[a, i] + cable.damping * coefficients.V[a, i]
+                force[a] += sign * hat_overlap_on_side(terms, side, i) * rate
+        ratios[side] = stretch_over_tension(force, slopes[side], T, cable.alpha)
+        if ratios[side] != 0.0:
+            slopes[side, 0] = ratios[side] * force[0]
+            slopes[side, 1] = ratios[side] * force[1]
+    return velocity, p, slopes, ratios
 
 
 @inner
-def velocity_at(past, first, t):
-    """p. (2,) at t, linear between rows of `past`."""
+def past_velocity_at(past: Array, first: int, t: float) -> tuple[float, float]:
+    """p. at t, linear between rows of `past`; the search begins after row `first`."""
     i = first + 1
     while past[i, 0] < t:
         i += 1
@@ -208,8 +226,10 @@ def velocity_at(past, first, t):
 
 
 @compiled
-def mean_acceleration(past, first, last, min_window):
-    """The car's mean acceleration from velocities over a window.
+def mean_acceleration_and_rate(
+    past: Array, first: int, last: int, min_window: float
+) -> tuple[float, float, float, float, float, float]:
+    """The car's mean acceleration from its velocities over a window, and its rate.
 
     past : rows t and p.;  min_window : length of the window
     Return the first row still wanted, t of the last, the acceleration then, and its rate.
@@ -225,8 +245,8 @@ def mean_acceleration(past, first, last, min_window):
         ay = (past[last, 2] - past[first, 2]) / span
         return float(first), t, ax, ay, 0.0, 0.0
     half = 0.5 * window
-    ox, oy = velocity_at(past, first, t - window)
-    mx, my = velocity_at(past, first, t - half)
+    ox, oy = past_velocity_at(past, first, t - window)
+    mx, my = past_velocity_at(past, first, t - half)
     ax = past[last, 1] - mx
     ay = past[last, 2] - my
     jx = mx - ox
@@ -237,19 +257,22 @@ def mean_acceleration(past, first, last, min_window):
 
 
 @inner
-def add_car_and_inertia(at_mass, coefficients, internal, cable, loads, thrust, R):
+def add_inertia_and_rolling_car(
+    at_mass: MassTerms, coefficients: Coefficients, side_forces: Array, cable: Cable, loads: CarLoads, thrust: float,
+    R: Array,
+) -> Car:  # fmt: skip
     """Add the cable's inertia and the car to R (2, n); return the car."""
-    velocity, p, slopes, _ = car_kinematics_from_tension(at_mass, coefficients, internal, cable)
-    out = car(loads, thrust, velocity, p, slopes)
-    p[0] = out.Cx
-    p[1] = out.Cy
-    add_inertia(at_mass.inertia, coefficients.Q, coefficients.V, coefficients.A, cable.damping, p, R)
-    return out
+    velocity, p, slopes, _ = car_motion_and_equilibrium_slopes(at_mass, coefficients, side_forces, cable)
+    car = compiled_car_from_motion(loads, thrust, velocity, p, slopes)
+    p[0] = car.Cx
+    p[1] = car.Cy
+    add_inertia_and_mass_force(at_mass.inertia, coefficients, cable.damping, p, R)
+    return car
 
 
 @inner
-def side_force_derivatives(phi, gram):
-    """Derivative of `side_forces` of `set_internal_force` by Q, (6, n): xx, xy, yy behind, and ahead."""
+def side_force_derivatives(phi: Array, gram: Array) -> Array:
+    """Derivative of `side_forces` of `Workspace` by Q, (6, n): xx, xy, yy behind, and ahead."""
     n, m = phi.shape
     both = np.zeros((6, m))
     sums = np.empty((6, n))
@@ -257,14 +280,17 @@ def side_force_derivatives(phi, gram):
         first = 0 if phi[n - 1, q] > 0.0 else 3
         for i in range(3):
             both[first + i, q] = gram[i, q]
-    multiply(both, phi, True, sums)
+    set_product(both, phi, True, sums)
     return sums
 
 
 @inner
-def defect_by_side_forces(at_mass, coefficients, internal, cable, loads, thrust, defect):
+def defect_derivatives_by_forces(
+    at_mass: MassTerms, coefficients: Coefficients, side_forces: Array, cable: Cable, loads: CarLoads, thrust: float,
+    defect: float,
+) -> Array:  # fmt: skip
     """Derivative of the defect by the forces N t of both sides, (2, 2), by differences."""
-    velocity, p, slopes, turns = car_kinematics_from_tension(at_mass, coefficients, internal, cable)
+    velocity, p, slopes, ratios = car_motion_and_equilibrium_slopes(at_mass, coefficients, side_forces, cable)
     out = np.empty((2, 2))
     for side in range(2):
         rx = slopes[side, 0]
@@ -275,14 +301,17 @@ def defect_by_side_forces(at_mass, coefficients, internal, cable, loads, thrust,
             slopes[side, 0] = rx + STEP * turned * rx
             slopes[side, 1] = ry + STEP * turned * ry
             slopes[side, a] += STEP
-            out[side, a] = turns[side] * (car(loads, thrust, velocity, p, slopes).defect - defect) / STEP
+            moved = compiled_car_from_motion(loads, thrust, velocity, p, slopes)
+            out[side, a] = ratios[side] * (moved.defect - defect) / STEP
         slopes[side, 0] = rx
         slopes[side, 1] = ry
     return out
 
 
 @inner
-def set_car_row(now, ride, sines, workspace, car, c):
+def set_tangent_row_of_car(
+    now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: tuple[float, float, float]
+) -> None:
     """Set the car's row of the tangent, last of `Workspace.K`."""
     at_mass = now.at_mass
     loads = ride.loads
@@ -291,10 +320,10 @@ def set_car_row(now, ride, sines, workspace, car, c):
     terms = at_mass.inertia
     ds_o = at_mass.ds_o
     n = at_mass.inertia.f.size
-    into = workspace.K[2 * n]
+    row = workspace.K[2 * n]
     sums = side_force_derivatives(now.points.phi, workspace.gram)
-    coefficients = split_state(workspace.balanced, n)
-    by = defect_by_side_forces(
+    coefficients = coefficients_of_state(workspace.balanced, n)
+    by = defect_derivatives_by_forces(
         at_mass,
         coefficients,
         workspace.side_forces,
@@ -303,49 +332,55 @@ def set_car_row(now, ride, sines, workspace, car, c):
         thrust_or_haul_force(ride, workspace),
         car.defect,
     )
-    rub = car.cos_phi * math.copysign(loads.friction, loads.friction * car.pressing) if math.isnan(loads.ax) else 0.0
-    along = car.tx - rub * car.ty, car.ty + rub * car.tx
+    friction = 0.0
+    if math.isnan(loads.ax):
+        friction = car.cos_phi * math.copysign(loads.friction, loads.friction * car.pressing)
+    along = car.tx - friction * car.ty, car.ty + friction * car.tx
     for b in range(2):
         for j in range(n):
-            into[b * n + j] = along[b] * loads.mu * (c2 * terms.f[j] + c1 * terms.f_v[j] + c0 * terms.f_q[j])
+            row[b * n + j] = along[b] * loads.mu * (c2 * terms.f[j] + c1 * terms.f_v[j] + c0 * terms.f_q[j])
         for side in range(2):
             h, sign = (at_mass.s_o, 1.0) if side == 0 else (1.0 - at_mass.s_o, -1.0)
             for j in range(n):
-                into[b * n + j] += (c2 + c1 * damping) * sign * by[side, b] * hat_overlap(terms, side, j)
+                row[b * n + j] += (c2 + c1 * damping) * sign * by[side, b] * hat_overlap_on_side(terms, side, j)
                 for a in range(2):
-                    into[b * n + j] += c0 / h * by[side, a] * sums[3 * side + a + b, j]
+                    row[b * n + j] += c0 / h * by[side, a] * sums[3 * side + a + b, j]
             bends = sign * 2.0 * ds_o * ds_o / h - at_mass.dds_o - damping * ds_o
-            into[b * n + n - 1] += by[side, b] * (c0 * bends - c1 * 2.0 * ds_o) / 3.0
+            row[b * n + n - 1] += by[side, b] * (c0 * bends - c1 * 2.0 * ds_o) / 3.0
 
 
 @inner
-def thrust_or_haul_force(ride, workspace):
+def thrust_or_haul_force(ride: Ride, workspace: Workspace) -> float:
     return workspace.balanced[2, -1] if ride.mode == HAULED else ride.thrust
 
 
 @inner
-def add_car_and_set_its_row(at_mass, ride, sines, workspace, R):
-    """Add the cable's inertia and the car to R (2, n), and set its row of the residual; return the car."""
+def complete_residual_with_car(
+    at_mass: MassTerms, ride: Ride, sines: CableSines, workspace: Workspace, R: Array
+) -> Car:
+    """Add the cable's inertia and the car to the internal force R (2, n), and set the car's row; return the car."""
     n = R.shape[1]
     for a in range(2):
         for i in range(n):
             workspace.internal[a, i] = R[a, i]
-    out = add_car_and_inertia(
+    car = add_inertia_and_rolling_car(
         at_mass,
-        split_state(workspace.balanced, n),
+        coefficients_of_state(workspace.balanced, n),
         workspace.side_forces,
         sines.cable,
         ride.loads,
         thrust_or_haul_force(ride, workspace),
         R,
     )
-    workspace.r[2 * n] = sines.cable.mu * workspace.balanced[2, 2 * n] if ride.mode == STUCK else out.defect
-    return out
+    workspace.r[2 * n] = sines.cable.mu * workspace.balanced[2, 2 * n] if ride.mode == STUCK else car.defect
+    return car
 
 
 @inner
-def set_car_tangent(now, ride, sines, workspace, out, c):
-    """Set row and column of the car in K of `Workspace` after `add_car_and_set_its_row`, which returned `out`.
+def complete_tangent_with_car(
+    now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: tuple[float, float, float]
+) -> None:
+    """Set row and column of the car in K of `Workspace`; car : of `complete_residual_with_car`.
 
     The column of s_o is a difference without dr/ds_o.
     """
@@ -359,75 +394,85 @@ def set_car_tangent(now, ride, sines, workspace, out, c):
     if ride.mode == STUCK:
         K[last, last] = c2 * sines.cable.mu
         return
-    set_car_row(now, ride, sines, workspace, out, c)
+    set_tangent_row_of_car(now, ride, sines, workspace, car, c)
     if ride.mode == HAULED:
         for i in range(n):
-            K[i, last] = -c2 * out.tx * at_mass.inertia.f[i]
-            K[n + i, last] = -c2 * out.ty * at_mass.inertia.f[i]
+            K[i, last] = -c2 * car.tx * at_mass.inertia.f[i]
+            K[n + i, last] = -c2 * car.ty * at_mass.inertia.f[i]
         K[last, last] = -c2
     elif c1 + c2 != 0.0:
         h = STEP / (c1 + c2)
         R = np.zeros((2, n))
         moved = mass_terms(sines, (at_mass.s_o, at_mass.ds_o + h * c1, at_mass.dds_o + h * c2))
-        other = add_car_and_inertia(
-            moved, split_state(workspace.balanced, n), workspace.side_forces, sines.cable, ride.loads, ride.thrust, R
+        coefficients = coefficients_of_state(workspace.balanced, n)
+        other = add_inertia_and_rolling_car(
+            moved, coefficients, workspace.side_forces, sines.cable, ride.loads, ride.thrust, R
         )
-        K[last, last] = (other.defect - out.defect) / h
+        K[last, last] = (other.defect - car.defect) / h
         for a in range(2):
             for i in range(n):
                 K[a * n + i, last] = (R[a, i] + workspace.internal[a, i] - workspace.r[a * n + i]) / h
 
 
 @compiled
-def car_by_slopes(loads, sines, kinematics, state):
-    """`car` at a state, rows q, v, a, by the slopes of the basis and without thrust."""
-    velocity, p, sides = car_kinematics(
-        mass_terms(sines, kinematics), split_state(state, sines.left.size + 1), sines.cable.sigma
-    )
-    return car(loads, 0.0, velocity, p, sides)
+def car_by_slopes_without_thrust(loads: CarLoads, sines: CableSines, kinematics: Kinematics, state: Array) -> Car:
+    """The car at a state, rows q, v, a, by the slopes of the basis and without thrust."""
+    coefficients = coefficients_of_state(state, sines.left.size + 1)
+    velocity, p, slopes = car_motion_and_slopes(mass_terms(sines, kinematics), coefficients, sines.cable.sigma)
+    return compiled_car_from_motion(loads, 0.0, velocity, p, slopes)
 
 
 @inner
-def record_car_and_update_ride(ride, history, rule, i, car):
-    """Add the car at the start of step i to `past`; return the `Ride` of the step."""
+def ride_of_step(ride: Ride | None, history: CarHistory | None, rule: Array, i: int, car: Car) -> Ride | None:
+    """The `Ride` of step i; the velocity of a free car, `car` at the start of the step, is added to its history."""
+    if ride is None or history is None or history.t.size == 0 or ride.mode == HAULED:
+        return ride
     past = history.past
     newest = history.past.shape[0] - history.t.size + i
     past[newest, 0] = history.t[i] - rule[0, 4] * rule[0, 1]
     past[newest, 1] = car.vx
     past[newest, 2] = car.vy
-    smooth = mean_acceleration(past, int(history.smooth[0]), newest, history.window)
+    mean = mean_acceleration_and_rate(past, int(history.mean_acceleration[0]), newest, history.window)
     for k in range(6):
-        history.smooth[k] = smooth[k]
-    return ride_at_time(ride, history.smooth, history.t[i], history.thrust[i])
+        history.mean_acceleration[k] = mean[k]
+    return ride_at_time(ride, history.mean_acceleration, history.t[i], history.thrust[i])
 
 
 @inner
-def car_at_step_end(ride, history, sines, kinematics, rule, i, end):
+def car_at_step_end(
+    ride: Ride | None, history: CarHistory | None, sines: CableSines, kinematics: Array, rule: Array, i: int, end: Array
+) -> Car:
     """The car at the end of step i; a hauled one where the step is balanced."""
+    if ride is None or history is None or history.t.size == 0:
+        return NO_CAR
     if ride.mode == HAULED:
-        return car_by_slopes(ride.loads, sines, kinematics_in_row(kinematics, i), end)
+        return car_by_slopes_without_thrust(ride.loads, sines, kinematics_in_row(kinematics, i), end)
     t = history.t[i] + (1.0 - rule[0, 4]) * rule[0, 1]
-    return car_by_slopes(ride_at_time(ride, history.smooth, t, 0.0).loads, sines, kinematics_of_state(end), end)
+    loads = ride_at_time(ride, history.mean_acceleration, t, 0.0).loads
+    return car_by_slopes_without_thrust(loads, sines, kinematics_of_free_car(end), end)
 
 
 @inner
-def ride_at_time(ride, smooth, t, thrust):
-    """`Ride` at t, with the mean acceleration by the result of `mean_acceleration`."""
-    d = t - smooth[1]
+def ride_at_time(ride: Ride, mean_acceleration: Array, t: float, thrust: float) -> Ride:
+    """`Ride` at t, with the mean acceleration (6,) of `mean_acceleration_and_rate` extrapolated to t."""
+    d = t - mean_acceleration[1]
     loads = ride.loads
-    ax = smooth[2] + d * smooth[4]
-    ay = smooth[3] + d * smooth[5]
+    ax = mean_acceleration[2] + d * mean_acceleration[4]
+    ay = mean_acceleration[3] + d * mean_acceleration[5]
     loads = CarLoads(loads.mu, loads.sigma, loads.drag, loads.wind, loads.hold, loads.friction, loads.brake, ax, ay)
     return Ride(ride.mode, loads, thrust)
 
 
 @inner
-def has_event(ride, history, end, car):
+def has_event(ride: Ride | None, history: CarHistory | None, end: Array, car: Car) -> bool:
+    """Whether a step with this end state, and car there, passes an event of the `CarHistory`."""
+    if ride is None or history is None or history.t.size == 0:
+        return False
     if not (history.lifted_off or max(car.pressing, car.normal) > 0.0):
         return True
     if ride.mode == HAULED:
         return False
-    s_o, ds_o, _ = kinematics_of_state(end)
+    s_o, ds_o, _ = kinematics_of_free_car(end)
     if not history.low < s_o < history.high or (history.sign != 0.0 and not history.sign * ds_o > 0.0):
         return True
     return not history.forward * car.speed > history.slow

@@ -3,24 +3,40 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from galerkin.kernels import rolling
 from galerkin.kernels.cable import (
     Array,
-    add_gripping_mass,
-    min_tension,
-    set_gripping_tangent,
-    set_internal_force,
+    add_inertia_and_gripping_mass,
+    min_tension_and_position,
+    set_forces_return_energy,
+    set_tangent_with_gripping_mass,
 )
-from galerkin.kernels.dense import empty_factors, set_factors, solve
-from galerkin.kernels.instant import instant_at, kinematics_in_row, kinematics_of_state, points_at
+from galerkin.kernels.dense import allocate_lu_factors, set_lu_factors, solve_in_place
+from galerkin.kernels.instant import (
+    CableSines,
+    Instant,
+    Kinematics,
+    instant_at,
+    kinematics_in_row,
+    kinematics_of_free_car,
+    quadrature_points_at,
+)
+from galerkin.kernels.rolling import Car, CarHistory, Ride
 from galerkin.law import compiled, inner
+
+if TYPE_CHECKING:
+    from cablefem.newmark import Newton
+
+Weights = tuple[float, float, float]  # c0 dr/dq + c1 dr/dv + c2 dr/da
 
 
 class Workspace(NamedTuple):
+    """Memory of a step."""
+
     balanced: Array  # (3, n_dof) the state that is balanced
     r: Array  # (n_dof,) its residual
     internal: Array  # (2, n) the internal force in it
@@ -28,122 +44,172 @@ class Workspace(NamedTuple):
     tensions: Array  # (m,) tension of the elastic law
     side_forces: Array  # (2, 2) int (N t - T t_static) ds behind and ahead of the mass
     K: Array  # (n_dof, n_dof)
-    factors: tuple[Array, Array]  # of K, see `set_factors`
+    factors: tuple[Array, Array]  # of K, see `set_lu_factors`
     step: Array  # (n_dof,)
 
 
+class Step(NamedTuple):
+    """A step to be solved; a mass that grips has no ride."""
+
+    ride: Ride | None
+    sines: CableSines
+    begin: Array  # (3, n_dof)
+    end: Array  # (3, n_dof), to be set
+    rule: Array  # (3, 5), see `System.solve_step`
+    workspace: Workspace
+
+
 @inner
-def make_workspace(size, sines):
+def allocate_workspace(size: int, sines: CableSines) -> Workspace:
     m = sines.behind.shape[1] + sines.ahead.shape[1]
     n = sines.left.size + 1
     return Workspace(
         np.empty((3, size)), np.empty(size), np.empty((2, n)), np.empty((3, m)), np.empty(m), np.empty((2, 2)),
-        np.empty((size, size)), empty_factors(size), np.empty(size),
+        np.empty((size, size)), allocate_lu_factors(size), np.empty(size),
     )  # fmt: skip
 
 
 @inner
-def copy(values, into):
-    """Set into[:] = values; the slice would compile its error message for seconds."""
+def copy_into(values: Array, target: Array) -> None:
+    """Set target[:] = values; the slice would compile its error message for seconds."""
     a = values.reshape(values.size)
-    b = into.reshape(into.size)
+    b = target.reshape(target.size)
     for i in range(a.size):
         b[i] = a[i]
 
 
 @compiled
-def internal_forces_of_history(sines, s_o, Q, internal, strain):
-    """`set_internal_force` at s_o (m,), Q (m, 2, n); set internal (m, 2, 2) to `side_forces`, and strain (m,)."""
-    workspace = make_workspace(2 * Q.shape[2], sines)
+def set_side_forces_and_strain_energies(
+    sines: CableSines, s_o: Array, Q: Array, side_forces: Array, strain: Array
+) -> None:
+    """Set `side_forces` of `Workspace` (m, 2, 2) and int W ds (m,) of m instants with s_o (m,), Q (m, 2, n)."""
+    workspace = allocate_workspace(2 * Q.shape[2], sines)
     for i in range(strain.size):
-        strain[i] = set_internal_force(points_at(sines, s_o[i]), Q[i], sines.cable, workspace.internal, workspace)
-        copy(workspace.side_forces, internal[i])
+        points = quadrature_points_at(sines, s_o[i])
+        strain[i] = set_forces_return_energy(points, Q[i], sines.cable, workspace.internal, workspace)
+        copy_into(workspace.side_forces, side_forces[i])
 
 
 @inner
-def set_residual(now, ride, sines, workspace):
+def set_residual_return_car(now: Instant, ride: Ride | None, sines: CableSines, workspace: Workspace) -> Car:
     """Set r, internal, gram, tensions and side_forces of `Workspace`; return the car if it rolls."""
     n = now.at_mass.inertia.f.size
     R = workspace.r[: 2 * n].reshape(2, n)
-    coefficients = rolling.split_state(workspace.balanced, n)
-    set_internal_force(now.points, coefficients.Q, sines.cable, R, workspace)
+    coefficients = rolling.coefficients_of_state(workspace.balanced, n)
+    set_forces_return_energy(now.points, coefficients.Q, sines.cable, R, workspace)
     if ride is None:
-        add_gripping_mass(now.at_mass, coefficients, sines.cable, R)
+        add_inertia_and_gripping_mass(now.at_mass, coefficients, sines.cable, R)
         return rolling.NO_CAR
-    return rolling.add_car_and_set_its_row(now.at_mass, ride, sines, workspace, R)
+    return rolling.complete_residual_with_car(now.at_mass, ride, sines, workspace, R)
 
 
 @compiled
-def residual_and_derivatives(ride, sines, kinematics, state, r, parts):
-    """Set r (n_dof,), and parts: the first len(parts) of dr/dq, dr/dv, dr/da, each (n_dof, n_dof).
+def set_residual_and_derivatives(
+    ride: Ride | None, sines: CableSines, kinematics: Kinematics, state: Array, r: Array, derivatives: Array
+) -> tuple[Car, tuple[float, float]]:
+    """Set r (n_dof,), and the first len(derivatives) of dr/dq, dr/dv, dr/da, each (n_dof, n_dof).
 
     state : rows q, v, a
-    Return the car, the least tension and its s.
+    Return the car, the smallest tension and its s.
     """
-    workspace = make_workspace(state.shape[1], sines)
+    workspace = allocate_workspace(state.shape[1], sines)
     now = instant_at(sines, kinematics)
-    copy(state, workspace.balanced)
-    out = set_residual(now, ride, sines, workspace)
-    copy(workspace.r, r)
-    for k in range(parts.shape[0]):
+    copy_into(state, workspace.balanced)
+    car = set_residual_return_car(now, ride, sines, workspace)
+    copy_into(workspace.r, r)
+    for k in range(derivatives.shape[0]):
         c = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
-        set_tangent(now, ride, sines, workspace, out, c)
-        copy(workspace.K, parts[k])
-    return out, min_tension(now.points, kinematics[0], workspace.tensions)
+        set_tangent(now, ride, sines, workspace, car, c)
+        copy_into(workspace.K, derivatives[k])
+    return car, min_tension_and_position(now.points, kinematics[0], workspace.tensions)
 
 
 @inner
-def set_residual_between(now, ride, sines, ends, weights, workspace):
-    """Evaluate w end + (1 - w) begin; return `Instant`, car and |r|, NaN off the cable."""
-    begin, end = ends
+def set_residual_between_ends(now: Instant, step: Step) -> tuple[Instant, Car, float]:
+    """Evaluate w end + (1 - w) begin, w of the rule; return `Instant`, car and |r|, NaN off the cable."""
+    workspace = step.workspace
     for k in range(3):
+        w = step.rule[k, 4]
         for i in range(workspace.r.size):
-            workspace.balanced[k, i] = weights[k] * end[k, i] + (1.0 - weights[k]) * begin[k, i]
-    if ride is not None and ride.mode != rolling.HAULED:
-        kinematics = kinematics_of_state(workspace.balanced)
+            workspace.balanced[k, i] = w * step.end[k, i] + (1.0 - w) * step.begin[k, i]
+    if not has_prescribed_position(step.ride):
+        kinematics = kinematics_of_free_car(workspace.balanced)
         if not 0.0 < kinematics[0] < 1.0:
             return now, rolling.NO_CAR, math.nan
-        now = instant_at(sines, kinematics)
-    out = set_residual(now, ride, sines, workspace)
+        now = instant_at(step.sines, kinematics)
+    car = set_residual_return_car(now, step.ride, step.sines, workspace)
     square = 0.0
     for i in range(workspace.r.size):
         square += workspace.r[i] * workspace.r[i]
-    return now, out, math.sqrt(square)
+    return now, car, math.sqrt(square)
 
 
 @inner
-def set_tangent(now, ride, sines, workspace, out, c):
+def has_prescribed_position(ride: Ride | None) -> bool:
+    """Whether s_o(t) is given, as of a mass that grips or a hauled car."""
+    if ride is None:
+        return True
+    return ride.mode == rolling.HAULED
+
+
+@inner
+def set_tangent(now: Instant, ride: Ride | None, sines: CableSines, workspace: Workspace, car: Car, c: Weights) -> None:
+    """Set K of `Workspace`; car : of `set_residual_return_car`."""
     n = now.at_mass.inertia.f.size
-    set_gripping_tangent(now, sines, workspace.gram, c, workspace.K[: 2 * n, : 2 * n])
+    set_tangent_with_gripping_mass(now, sines, workspace.gram, c, workspace.K[: 2 * n, : 2 * n])
     if ride is not None:
-        rolling.set_car_tangent(now, ride, sines, workspace, out, c)
+        rolling.complete_tangent_with_car(now, ride, sines, workspace, car, c)
 
 
 @inner
-def predict_end(rule, begin, end):
+def predict_end(rule: Array, begin: Array, end: Array) -> None:
+    """Set the end of a step (3, n_dof) to the rule's guess."""
     for k in range(3):
         for i in range(begin.shape[1]):
             end[k, i] = rule[k, 0] * begin[0, i] + rule[k, 1] * begin[1, i] + rule[k, 2] * begin[2, i]
 
 
 @inner
-def correct_end(rule, end, step, share):
+def correct_end(rule: Array, end: Array, newton_step: Array, fraction: float) -> None:
+    """Take a fraction of a Newton step from the end of a step (3, n_dof)."""
     for k in range(3):
-        for i in range(step.size):
-            end[k, i] -= share * rule[k, 3] * step[i]
+        for i in range(newton_step.size):
+            end[k, i] -= fraction * rule[k, 3] * newton_step[i]
 
 
 @inner
-def solve_step(now, ride, sines, ends, rule, newton, workspace):
+def correct_until_smaller(
+    now: Instant, step: Step, newton: Newton, before: float, iterations: int
+) -> tuple[Instant, Car, float, int]:
+    """Correct the end by a Newton step, halved until |r| falls below `before`.
+
+    The first `newton.patience` iterations may let it grow.  Return `Instant`, car, |r| and the count of evaluations.
+    """
+    fraction = 1.0
+    evaluations = 0
+    car = rolling.NO_CAR
+    norm = math.inf
+    for _ in range(newton.halvings + 1):
+        correct_end(step.rule, step.end, step.workspace.step, fraction)
+        now, car, norm = set_residual_between_ends(now, step)
+        evaluations += 1
+        if norm < before or (iterations < newton.patience and norm < math.inf):
+            break
+        fraction = -0.5 * abs(fraction)  # take back half of the last one
+    return now, car, norm, evaluations
+
+
+@inner
+def solve_step(now: Instant, step: Step, newton: Newton) -> tuple[float, int, int, int, float, float]:
     """Solve one step for its end, like `cablefem.newmark.find_root`.
 
-    ends : start, and end to be set, (3, n_dof);  newton : `cablefem.newmark.Newton`
-    Return |r|, counts of iterations, factorisations, evaluations, the least tension and its s.
+    Return |r|, counts of iterations, factorisations, evaluations, the smallest tension and its s.
     """
-    weights = rule[:, 4]
-    c = weights[0] * rule[0, 3], weights[1] * rule[1, 3], weights[2] * rule[2, 3]
-    predict_end(rule, ends[0], ends[1])
-    now, out, norm = set_residual_between(now, ride, sines, ends, weights, workspace)
+    rule = step.rule
+    workspace = step.workspace
+    c = rule[0, 4] * rule[0, 3], rule[1, 4] * rule[1, 3], rule[2, 4] * rule[2, 3]
+    predict_end(rule, step.begin, step.end)
+    now, car, norm = set_residual_between_ends(now, step)
     iterations = 0
     factorisations = 0
     evaluations = 0
@@ -153,26 +219,33 @@ def solve_step(now, ride, sines, ends, rule, newton, workspace):
     while iterations == 0 or (newton.bound < norm < math.inf and iterations < newton.max_iter):
         if iterations == 0 or norm > newton.reuse * before:
             factorisations += 1
-            set_tangent(now, ride, sines, workspace, out, c)
-            set_factors(workspace.K, workspace.factors)
-        copy(workspace.r, workspace.step)
-        solve(workspace.factors, workspace.step)
+            set_tangent(now, step.ride, step.sines, workspace, car, c)
+            set_lu_factors(workspace.K, workspace.factors)
+        copy_into(workspace.r, workspace.step)
+        solve_in_place(workspace.factors, workspace.step)
         before = norm
-        share = 1.0
-        for _ in range(newton.halvings + 1):
-            correct_end(rule, ends[1], workspace.step, share)
-            now, out, norm = set_residual_between(now, ride, sines, ends, weights, workspace)
-            evaluations += 1
-            if norm < before or (iterations < newton.patience and norm < math.inf):
-                break
-            share = -0.5 * abs(share)  # take back half of the last one
+        now, car, norm, tried = correct_until_smaller(now, step, newton, before, iterations)
+        evaluations += tried
         iterations += 1
-    lowest, where = min_tension(now.points, now.at_mass.s_o, workspace.tensions)
+    lowest, where = min_tension_and_position(now.points, now.at_mass.s_o, workspace.tensions)
     return norm, iterations, factorisations, evaluations, lowest, where
 
 
+@inner
+def car_at_start(
+    ride: Ride | None, history: CarHistory | None, sines: CableSines, kinematics: Array, start: Array
+) -> Car:
+    """The car before the first step, if it rolls."""
+    if ride is None or history is None:
+        return rolling.NO_CAR
+    return rolling.car_by_slopes_without_thrust(ride.loads, sines, kinematics_in_row(kinematics, 0), start)
+
+
 @compiled
-def solve_steps(ride, history, sines, kinematics, start, rules, newton):
+def solve_steps(
+    ride: Ride | None, history: CarHistory | None, sines: CableSines, kinematics: Array, start: Array, rules: Array,
+    newton: Newton,
+) -> tuple[int, Array, Array]:  # fmt: skip
     """Take m steps, up to one that fails, falls slack or ends in an event of the `CarHistory`.
 
     kinematics : (m, 3) s_o, ds_o, dds_o;  for a free car (1, 3), those at the start
@@ -182,25 +255,21 @@ def solve_steps(ride, history, sines, kinematics, start, rules, newton):
     size = start.shape[1]
     ends = np.empty((m, 3, size))
     results = np.full((m, 6), math.nan)
-    workspace = make_workspace(size, sines)
-    now_ride = ride
+    workspace = allocate_workspace(size, sines)
     now = instant_at(sines, kinematics_in_row(kinematics, 0))
-    if history is not None:
-        now_car = rolling.car_by_slopes(ride.loads, sines, kinematics_in_row(kinematics, 0), start)
+    car = car_at_start(ride, history, sines, kinematics, start)
     for i in range(m):
         rule = rules[i]
         begin = start if i == 0 else ends[i - 1]
-        if history is not None and history.t.size > 0 and ride.mode != rolling.HAULED:
-            now_ride = rolling.record_car_and_update_ride(ride, history, rule, i, now_car)
-        elif i > 0:
+        if i > 0 and has_prescribed_position(ride):
             now = instant_at(sines, kinematics_in_row(kinematics, i))
-        result = solve_step(now, now_ride, sines, (begin, ends[i]), rule, newton, workspace)
+        ride_now = rolling.ride_of_step(ride, history, rule, i, car)
+        result = solve_step(now, Step(ride_now, sines, begin, ends[i], rule, workspace), newton)
         results[i, 0], results[i, 1], results[i, 2], results[i, 3], results[i, 4], results[i, 5] = result
         slack = sines.cable.slack_ends and not result[4] >= 0.0
         if slack or not result[0] <= newton.bound:
             return i, ends, results
-        if history is not None and history.t.size > 0:
-            now_car = rolling.car_at_step_end(ride, history, sines, kinematics, rule, i, ends[i])
-            if rolling.has_event(ride, history, ends[i], now_car):
-                return i, ends, results
+        car = rolling.car_at_step_end(ride, history, sines, kinematics, rule, i, ends[i])
+        if rolling.has_event(ride, history, ends[i], car):
+            return i, ends, results
     return m, ends, results

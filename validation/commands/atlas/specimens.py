@@ -32,8 +32,8 @@ def _system_without(*terms: str) -> type[GalerkinSystem]:
     """FAULT: the acceleration of the mass without terms (22), (23) of the travel; f_v : 2 ds_o w.'."""
 
     class Faulty(GalerkinSystem):
-        def _instant(self, *kinematics: float) -> Instant:
-            x = super()._instant(*kinematics)
+        def _instant_at(self, *kinematics: float) -> Instant:
+            x = super()._instant_at(*kinematics)
             none = {name: np.zeros_like(getattr(x.inertia_terms, name)) for name in terms}
             return x._replace(inertia_terms=x.inertia_terms._replace(**none))
 
@@ -47,7 +47,7 @@ class _RestingStart(GalerkinSystem):
         x = super()._start_at_entry()
         s_o, ds_o, dds_o = self.motion.at(x.t, 0)
         a = np.zeros_like(x.a)
-        a[self.n - 1 :: self.n] = -self._load_at_mass(s_o, ds_o, dds_o)
+        a[self.n - 1 :: self.n] = -self._load_per_mass(s_o, ds_o, dds_o)
         return State(x.t, x.q, np.zeros_like(x.v), a, 0)
 
 
