@@ -149,13 +149,13 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return r, lu_solver_overwriting(np.tensordot(c, derivatives, 1))
 
     def _residual_and_derivatives(self, x: State, derivative_count: int) -> tuple[Array, Array]:
-        """The residual, NaN off the cable, and the first of its derivatives by q, v, a; sets `min_tension_and_position`."""
+        """The residual, NaN off the cable, and the first of its derivatives by q, v, a; stores the smallest tension."""
         r = np.full(self.n_dof, np.nan)
         derivatives = np.zeros((derivative_count, self.n_dof, self.n_dof))
         if 0.0 < self.position(x) < 1.0:  # else a trial off the cable
             ride, sines, kinematics = self._kernel_arguments(x)
-            state = np.array(x[1:4])
-            _, self.min_tension_and_position = kernels.set_residual_and_derivatives(ride, sines, kinematics, state, r, derivatives)
+            arguments = ride, sines, kinematics, np.array(x[1:4])
+            _, self.min_tension_and_position = kernels.set_residual_and_derivatives(*arguments, r, derivatives)
         return r, derivatives
 
     def _kernel_arguments(self, x: State) -> tuple[rolling.Ride, kernels.CableSines, tuple[float, float, float]]:
