@@ -174,4 +174,4 @@ def test_a_run_that_ends_where_it_falls_slack_says_so(steps):
     assert r.reached == pytest.approx(r.slack_onset_or_inf, abs=1e-12)
     said = outcome_of_run(steep, r)
     assert "goes slack" in said.sentence
-    assert recomputed.check_outcome(r, None, said.kind, said.sentence).verdict is Verdict.AGREE
+    assert recomputed.recomputed_outcome_row(r, None, said.kind, said.sentence).verdict is Verdict.AGREE

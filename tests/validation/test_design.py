@@ -209,7 +209,7 @@ def test_every_printed_number_has_a_second_computation(ride):
     assert {"wind_tilt", "safety_factor_min", "clearance_car_min:tree 1"} <= {row.law for row in rows}
     assert wrong(rows) == set()
     r = replace(r, design=[*r.design, r.design[0] | {"quantity": "knot_max"}])
-    assert wrong(recomputed.check_design(r)) == {("design", "knot_max")}
+    assert wrong(recomputed.recomputed_design_rows(r)) == {("design", "knot_max")}
 
 
 def times(factor):
@@ -233,7 +233,7 @@ def plus(shift):
 def test_a_wrong_design_number_is_seen(ride, quantity, fault):
     _, r = ride
     changed = [row | {"value": fault(row["value"])} if row["quantity"] == quantity else row for row in r.design]
-    assert wrong(recomputed.check_design(replace(r, design=changed))) == {("design", quantity)}
+    assert wrong(recomputed.recomputed_design_rows(replace(r, design=changed))) == {("design", quantity)}
 
 
 def test_an_outcome_is_recomputed(ride):
@@ -245,7 +245,7 @@ def test_an_outcome_is_recomputed(ride):
         ("stuck", said), (kind, said.replace("would hit", "clears")), (kind, said.replace("tree 1", "hut")),
         (kind, said.replace("stops in the brake at 2", "stops in the brake at 3")),
     ):  # fmt: skip
-        assert wrong([recomputed.check_outcome(r, None, *other)]) == {("outcome", "")}
+        assert wrong([recomputed.recomputed_outcome_row(r, None, *other)]) == {("outcome", "")}
 
 
 @pytest.mark.parametrize("load", [90e3, 8e3, None])
@@ -255,11 +255,11 @@ def test_an_arrival_its_speed_and_a_break_are_recomputed(load):
     r = replace(r, design=design_numbers(r))
     kind, said = outcome_of_run(scene, r)
     assert kind == ("breaks" if load == 8e3 else "arrives")
-    assert wrong([recomputed.check_outcome(r, None, kind, said)]) == set()
+    assert wrong([recomputed.recomputed_outcome_row(r, None, kind, said)]) == set()
     speed = said.split(" with ")[1].removesuffix(" km/h")
     faster = said.replace(speed, f"{1.01 * float(speed):.1f}")
     for other in (("stuck", said), (kind, faster)):
-        assert wrong([recomputed.check_outcome(r, None, *other)]) == {("outcome", "")}
+        assert wrong([recomputed.recomputed_outcome_row(r, None, *other)]) == {("outcome", "")}
 
 
 @pytest.mark.parametrize("name", ["level", "inclined", "tramway", "kevlar", "rollback", "rocket"])
@@ -267,7 +267,7 @@ def test_outcomes_of_built_in_scenes_are_as_recomputed(name):
     scene = Scene.load(name)
     r = quasi_static(scene)
     r = replace(r, design=design_numbers(r))
-    assert wrong([recomputed.check_outcome(r, None, *outcome_of_run(scene, r))]) == set()
+    assert wrong([recomputed.recomputed_outcome_row(r, None, *outcome_of_run(scene, r))]) == set()
 
 
 @pytest.mark.parametrize("name", ["F_contact", "speed"])

@@ -176,9 +176,7 @@ def test_a_printed_error_below_the_gap_to_the_other_solver_is_seen():
     gap = relative_path_gap(a, b, (0.02, 0.8)).largest
 
     def wrong(**errors):
-        return {
-            x.law for x in recomputed.check_path_and_tension_errors(replace(a, **errors), b) if not x.gap <= x.allowed
-        }
+        return {x.law for x in recomputed.recomputed_error_rows(replace(a, **errors), b) if not x.gap <= x.allowed}
 
     assert wrong(path_error=1.01 * gap, tension_error=1.0) == set()
     assert wrong(path_error=0.9 * gap, tension_error=0.0) == {"path_error", "tension_error"}

@@ -18,7 +18,7 @@ from validation.core.agreement import Verdict
 from validation.core.answers import outcome_of_run
 from validation.core.design import design_numbers
 from validation.core.quasi_static import quasi_static
-from validation.core.recomputed import check_energy_of_ride
+from validation.core.recomputed import quasi_static_energy_row
 from validation.core.running import run
 
 README = re.search(r"```toml\n(.*?)```", Path("README.md").read_text(encoding="utf-8"), re.DOTALL).group(1)
@@ -154,15 +154,15 @@ def test_bars_hold_against_the_full_model():
 def test_energy_along_the_ride_sees_a_fault_in_its_forces(fault):
     scene = Scene.from_toml(README).replace({"mass.mass": 120.0, "cable.temperature": 20.0})
     right, wrong = quasi_static(scene), quasi_static(scene.replace(fault))
-    assert check_energy_of_ride(right).verdict is Verdict.AGREE
-    assert check_energy_of_ride(dataclasses.replace(wrong, scene_toml=right.scene_toml)).verdict is Verdict.DISAGREE
+    assert quasi_static_energy_row(right).verdict is Verdict.AGREE
+    assert quasi_static_energy_row(dataclasses.replace(wrong, scene_toml=right.scene_toml)).verdict is Verdict.DISAGREE
 
 
 @pytest.mark.parametrize("sag", [240.0, 600.0])
 def test_a_rope_deeper_than_its_span_is_computed_as_well_as_a_taut_one(sag, tmp_path):
     """Between its supports it turns within a thirtieth of its length: Gauss points and nodes must see the turn."""
     scene = Scene.from_toml(README).replace({"cable.sag": sag})
-    energy = check_energy_of_ride(quasi_static(scene))
+    energy = quasi_static_energy_row(quasi_static(scene))
     assert energy.verdict is Verdict.AGREE
     assert energy.gap < 1e-4
     light = quasi_static(scene.replace({"mass.mass": 1e-3, "drive": {"mode": "free"}}))

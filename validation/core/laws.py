@@ -357,11 +357,8 @@ def car_start_at_rest_defect(evidence: Evidence) -> Defect:
     r = evidence.r
     data = evidence.data
     friction = None if r.drive == "free" else data.drive.get("rolling_friction", 0.0)
-    supports = (data.span, data.drop)
-    cable_weight = data.rho * data.gravity  # [N/m]
-    expected = rest.car_position_at_rest(
-        supports, data.EA, cable_weight, r.length, r.horizontal_tension, float(r.s_o[0]), data.weight, friction
-    )
+    cable = rest.EmptyCable((data.span, data.drop), data.EA, data.rho * data.gravity, r.length, r.horizontal_tension)
+    expected = rest.car_position_at_rest(cable, float(r.s_o[0]), data.weight, friction)
     off = np.array([r.x[0], r.y[0]]) - expected
     return _defect_without_position(*(off / r.max_deflection))
 

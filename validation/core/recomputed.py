@@ -23,7 +23,7 @@ from validation.core.measures import (
     position_where_mass_outruns_waves,
     time_span_for_extremes,
 )
-from validation.core.rest import car_position_at_rest
+from validation.core.rest import EmptyCable, car_position_at_rest
 from validation.core.scene_data import ROUNDING, SceneData, max_depth_at, mean_around, wheel_stresses
 
 
@@ -31,24 +31,23 @@ def _recomputed_row(
     r: Response, quantity: str, law: str, gap: float, allowed: float, where: float | None = None
 ) -> Agreement:
     """Gap of a printed to a recomputed value, over its largest size; where : s_o/l."""
-    return Agreement(
-        quantity, gap, Bound("law", (BoundPart(r.method, allowed, "printed bar and sampling"),)), where, law=law
-    )
+    bound = Bound("law", (BoundPart(r.method, allowed, "printed bar and sampling"),))
+    return Agreement(quantity, gap, bound, where, law=law)
 
 
 def recomputed_rows(
     r: Response, counterpart: Response | None = None, outcome: tuple[str, str] | None = None
 ) -> Iterator[Agreement]:
-    """Check design numbers, errors of path and tension, and an outcome's kind and sentence."""
-    yield from check_design(r, counterpart)
+    """Rows of design numbers, of errors of path and tension, and of an outcome's kind and sentence."""
+    yield from recomputed_design_rows(r, counterpart)
     if counterpart is not None:
-        yield from check_path_and_tension_errors(r, counterpart)
+        yield from recomputed_error_rows(r, counterpart)
     if outcome is not None:
-        yield check_outcome(r, counterpart, *outcome)
+        yield recomputed_outcome_row(r, counterpart, *outcome)
 
 
-def check_design(r: Response, counterpart: Response | None = None) -> Iterator[Agreement]:
-    """Check design numbers against a second computation, in the range of both runs."""
+def recomputed_design_rows(r: Response, counterpart: Response | None = None) -> Iterator[Agreement]:
+    """Rows of design numbers and peaks against a second computation, in the range of both runs."""
     readings = RecomputedNumbers(r, counterpart)
     for row in r.design:
         quantity = row["quantity"]
@@ -57,19 +56,16 @@ def check_design(r: Response, counterpart: Response | None = None) -> Iterator[A
             names.append(("peak", "bar_peak", " peak"))
         for name, bar, law in names:
             if readings.has_second_computation(quantity):
-                right = readings.number(quantity, raw=bool(law))
-                yield _row_of_number(r, row, (name, bar), right, quantity + law)
+                right = readings.number(quantity, averaged=not law)
+                yield _printed_number_row(r, row, (name, bar), right, quantity + law)
             else:
                 yield Agreement("design", math.nan, no_bound("printed without a second computation"), law=quantity)
 
 
-def _row_of_number(
+def _printed_number_row(
     r: Response, row: dict[str, Any], names: tuple[str, str], right: float | None, law: str
 ) -> Agreement:  # fmt: skip
-    """The row of a printed number or peak against the right one.
-
-    names : of the number and its bar in `row`.
-    """
+    """A printed number or peak against the right one;  names : of the number and its bar in `row`."""
     name, bar = names
     where = None if row["s_o"] is None else row["s_o"] / r.length
     if row[name] is None or right is None:
@@ -110,34 +106,34 @@ class RecomputedNumbers:
             return kind in ("clearance_rope_min", "clearance_car_min") and name in self.profiles
         return kind in ("safety_factor_min", "slack_onset", *FROM_TOML) or self._signals_of_kind(kind) is not None
 
-    def number(self, quantity: str, raw: bool = False) -> float | None:
-        """A number in SI, or None where there is none; raw: without means over an axial round trip."""
+    def number(self, quantity: str, averaged: bool = True) -> float | None:
+        """A number in SI, or None where there is none;  averaged : forces over an axial round trip."""
         kind, _, name = quantity.partition(":")
         if kind == "slack_onset":
             return self.r.slack_onset  # which a law holds against the tension
         if name:
-            return self._clearance(kind == "clearance_car_min", self.profiles[name])
+            return self._min_clearance(self.profiles[name], of_car=kind == "clearance_car_min")
         if kind == "sag_car_rest":
             return _max_sag_of_car_at_rest(self.r, self.data)
         if kind in FROM_TOML:
             rates = timetable.ramp_accelerations(self.data.travel, self.data.drive, self.r.length)
             return max(0.0, *(rates if kind == "acceleration_max" else -rates))
         if kind == "safety_factor_min":
-            tension = self._extreme("tension_max", raw=False)
+            tension = self._extreme("tension_max", averaged=True)
             return None if tension is None else self.data.cable["breaking_load"] / tension
-        return self._extreme(kind, raw)
+        return self._extreme(kind, averaged)
 
-    def _extreme(self, kind: str, raw: bool) -> float | None:
+    def _extreme(self, kind: str, averaged: bool) -> float | None:
         """Smallest or largest value of a signal over the span; None where nothing is known."""
         signals = self._signals_of_kind(kind)
         assert signals is not None
-        period = 0.0 if raw or not kind.startswith(FORCES) else self.data.round_trip
+        period = self.data.round_trip if averaged and kind.startswith(FORCES) else 0.0
         values = np.concatenate([_moving_means(t, v, self.span, period).ravel() for t, v in signals if t.size])
         if not values.size:
             return None
         return float(values.min() if kind.endswith("_min") else values.max())
 
-    def _clearance(self, car: bool, profile: Array) -> float | None:
+    def _min_clearance(self, profile: Array, of_car: bool) -> float | None:
         """Smallest height [m] of car or rope over an obstacle or the ground; None: never above it."""
         r = self.r
         f = r.fields
@@ -145,12 +141,12 @@ class RecomputedNumbers:
         heights = [_min_height_over(profile, r.x[steps], r.y[steps])]
         rest_curve = CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
         points = rest_curve(f.s_o) + np.stack([f.mass_u, f.mass_v], axis=1)  # (k, 2)
-        for k in [] if car else np.flatnonzero(f.t <= self.until):
+        for k in [] if of_car else np.flatnonzero(f.t <= self.until):
             x = np.append(f.x + f.u[k], points[k, 0])
             y = np.append(f.y + f.v[k], points[k, 1])
             order = np.argsort(x)
             heights.append(_min_height_over(profile, x[order], y[order]))
-        below = self.data.scene["mass"].get("below", 0.0) if car else 0.0
+        below = self.data.scene["mass"].get("below", 0.0) if of_car else 0.0
         return min(heights) - below if math.isfinite(min(heights)) else None
 
 
@@ -158,12 +154,8 @@ def _max_sag_of_car_at_rest(r: Response, data: SceneData) -> float:
     """Largest depth below the chord of a car at rest: a parabola through the largest of some places."""
     friction = data.drive.get("rolling_friction", 0.0) if r.drive == "haul" else None
     s_o = r.length * np.linspace(0.02, 0.98, 49)
-    weight = data.rho * data.gravity
-    supports = (data.span, data.drop)
-    points = [
-        car_position_at_rest(supports, data.EA, weight, r.length, r.horizontal_tension, float(s), data.weight, friction)
-        for s in s_o
-    ]
+    cable = EmptyCable((data.span, data.drop), data.EA, data.rho * data.gravity, r.length, r.horizontal_tension)
+    points = [car_position_at_rest(cable, float(s), data.weight, friction) for s in s_o]
     x, y = np.array(points).T
     sag = y - x * data.drop / data.span
     k = int(np.clip(np.nanargmax(sag), 1, s_o.size - 2))
@@ -206,7 +198,8 @@ def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:
     signals: dict[str, Signals] = {name: [(r.t, values)] for name, values in at_steps.items()}
     wheels = data.scene["mass"].get("wheels", {})
     for N in (r.T_behind, r.T_ahead) if wheels else ():
-        for kind, values in wheel_stresses(data.cable, wheels, N, at_steps["contact"] / wheels.get("count", 2)).items():
+        load = at_steps["contact"] / wheels.get("count", 2)
+        for kind, values in wheel_stresses(data.cable, wheels, N, load).items():
             signals.setdefault(kind, []).append((r.t, values))
     return signals | {"tension": tensions, "deepest_point": [(r.t, r.y), (f.t, f.y + f.v)]}
 
@@ -221,64 +214,69 @@ def _contact_force(r: Response) -> Array:
     return cross_product(tangent, r.contact) / np.sqrt(np.sum(tangent**2, axis=1))
 
 
-def _moving_means(t: Array, v: Array, span: tuple[float, float], period: float) -> Array:
-    """Means of a signal, or of a field (n, m) over frames, over a period around all times in a span."""
-    known = np.isfinite(v.reshape(t.size, -1)).all(axis=1)
+def _moving_means(t: Array, values: Array, span: tuple[float, float], period: float) -> Array:
+    """Means of a signal (n,), or of a field (n, m) over frames, over a period around all times in a span."""
+    known = np.isfinite(values.reshape(t.size, -1)).all(axis=1)
     t = t[known]
-    v = v[known]
+    values = values[known]
     rows = (t >= span[0] * (1.0 - ROUNDING)) & (t <= span[1] * (1.0 + ROUNDING))
-    if v.ndim == 2:
-        return _means_of_frames(t[rows], v[rows], period)
+    if values.ndim == 2:
+        return _means_of_frames(t[rows], values[rows], period)
     if rows.any():  # up to the ends of the range
         ends = np.clip(span, t[0], t[-1])
         inner = t[rows & (t > ends[0]) & (t < ends[1])]
         times = np.unique(np.concatenate([ends, inner]))
-        v = np.interp(times, t, v)
+        values = np.interp(times, t, values)
         t = times
-    return mean_around(t, v, t, period) if period and t.size >= 3 else v
+    return mean_around(t, values, t, period) if period and t.size >= 3 else values
 
 
-def _means_of_frames(t: Array, v: Array, period: float) -> Array:
-    """Means over frames within a period, at least one on either side."""
+def _means_of_frames(t: Array, values: Array, period: float) -> Array:
+    """Means (n, m) over frames within a period, at least one on either side."""
     if not period or t.size < 3:
-        return v
+        return values
     k = np.arange(t.size)
-    near = (np.abs(t[:, None] - t) <= 0.5 * period) | (np.abs(k[:, None] - k) <= 1)  # (n, n)
-    return np.asarray(near @ v / near.sum(axis=1)[:, None])
+    close = np.abs(t[:, None] - t) <= 0.5 * period  # (n, n)
+    near = close | (np.abs(k[:, None] - k) <= 1)
+    return np.asarray(near @ values / near.sum(axis=1)[:, None])
 
 
 # --- errors of path and tension -----------------------------------------------------------------------------------
 
 
-def check_path_and_tension_errors(r: Response, counterpart: Response) -> Iterator[Agreement]:
-    """Check that path_error and tension_error are at least the distance to the other solver."""
+def recomputed_error_rows(r: Response, counterpart: Response) -> Iterator[Agreement]:
+    """Rows of what path_error and tension_error lack to the distance from the other solver."""
     if r.error_window is None or counterpart.error_window is None or r.path_error is None:
         return
-    window = max(r.error_window[0], counterpart.error_window[0]), min(r.error_window[1], counterpart.error_window[1])
-    distances = [_path_distance(r, counterpart, window, k) for k in (3, 5)]
-    allowed = abs(distances[1] - distances[0]) + ROUNDING
-    yield _recomputed_row(r, "design", "path_error", max(0.0, distances[0] - r.path_error), allowed)
+    windows = r.error_window, counterpart.error_window
+    window = max(low for low, _ in windows), min(high for _, high in windows)
+    distance, by_other_spline = (_max_path_distance(r, counterpart, window, degree) for degree in (3, 5))
+    allowed = abs(by_other_spline - distance) + ROUNDING
+    yield _recomputed_row(r, "design", "path_error", max(0.0, distance - r.path_error), allowed)
     if r.tension_error is not None:
-        missing = max(0.0, _tension_distance(r, counterpart, window) - r.tension_error)
+        missing = max(0.0, _rms_tension_distance(r, counterpart, window) - r.tension_error)
         yield _recomputed_row(r, "design", "tension_error", missing, ROUNDING)
 
 
-def _path_distance(r: Response, counterpart: Response, window: tuple[float, float], k: int) -> float:
-    """Largest distance of the car in two runs, at the steps of the coarser one, over the scale of the path."""
+def _max_path_distance(r: Response, counterpart: Response, window: tuple[float, float], degree: int) -> float:
+    """Largest distance of the car in two runs, at the steps of the coarser one, over the scale of the path.
+
+    degree : of the spline through the finer run.
+    """
     coarse, fine = sorted((r, counterpart), key=lambda x: x.t.size)
     position = coarse.s_o / coarse.length
     rows = (position >= window[0]) & (position <= window[1] * (1.0 + ROUNDING)) & (coarse.t <= fine.t[-1])
     names = ("x", "y") if r.drive == "free" else ("u", "v")
-    offset = [
-        getattr(coarse, name)[rows] - make_interp_spline(fine.t, getattr(fine, name), k=k)(coarse.t[rows])
-        for name in names
-    ]
+    offset = []
+    for name in names:
+        spline = make_interp_spline(fine.t, getattr(fine, name), k=degree)
+        offset.append(getattr(coarse, name)[rows] - spline(coarse.t[rows]))
     scale = max(0.1 * x.length if x.drive == "free" else x.max_deflection for x in (r, counterpart))
     return float(np.sqrt(offset[0] ** 2 + offset[1] ** 2).max(initial=0.0)) / scale
 
 
-def _tension_distance(r: Response, counterpart: Response, window: tuple[float, float]) -> float:
-    """Rms distance of the tensions at common frames, off the car, over H."""
+def _rms_tension_distance(r: Response, counterpart: Response, window: tuple[float, float]) -> float:
+    """Rms distance of the tensions at common frames, off the car, over H; 0 without common frames."""
     a = r.fields
     b = counterpart.fields
     stands = bool(np.any(np.diff(a.s_o) <= ROUNDING * r.length))
@@ -292,8 +290,8 @@ def _tension_distance(r: Response, counterpart: Response, window: tuple[float, f
         if same and window[0] - ROUNDING <= at <= window[1] + ROUNDING:
             off_car = np.abs(a.s / r.length - at) >= JUMP_WIDTH
             squares.append((a.T[k] - b.T[j])[off_car] ** 2)
-    each = np.concatenate(squares)
-    return math.sqrt(each.mean()) / r.horizontal_tension if each.size else 0.0
+    of_all_frames = np.concatenate(squares)
+    return math.sqrt(of_all_frames.mean()) / r.horizontal_tension if of_all_frames.size else 0.0
 
 
 # --- the outcome --------------------------------------------------------------------------------------------------
@@ -320,13 +318,13 @@ class ExpectedOutcome:
         return not np.any(np.abs(np.subtract(printed, self.numbers)) > digit)
 
 
-def check_outcome(r: Response, counterpart: Response | None, kind: str, sentence: str) -> Agreement:
-    """Check an outcome against the last event, the TOML's brakes and travel, breaking load and clearances."""
+def recomputed_outcome_row(r: Response, counterpart: Response | None, kind: str, sentence: str) -> Agreement:
+    """An outcome against the last event, the TOML's brakes and travel, breaking load and clearances."""
     readings = RecomputedNumbers(r, counterpart)
     if r.status != "complete" and r.slack_onset is None:
         right = ExpectedOutcome("incomplete", [float(r.s_o[-1]), float(r.t[-1])])
     elif r.drive == "free":
-        right = _expected_outcome_of_ride(r, readings.data.drive)
+        right = _expected_outcome_of_free_ride(r, readings.data.drive)
     else:
         right = _expected_outcome_of_travel(r, readings)
     bars = {row["quantity"]: row["bar"] or 0.0 for row in r.design}
@@ -336,7 +334,7 @@ def check_outcome(r: Response, counterpart: Response | None, kind: str, sentence
     return _recomputed_row(r, "outcome", "", 0.0 if right.matches(kind, sentence) else 1.0, ROUNDING)
 
 
-def _expected_outcome_of_ride(r: Response, drive: dict[str, Any]) -> ExpectedOutcome:
+def _expected_outcome_of_free_ride(r: Response, drive: dict[str, Any]) -> ExpectedOutcome:
     """The end of a free ride, by its last event."""
     speed = 3.6 * _speed(r)
     last = next((x for x in reversed(r.events) if x["event"] in ("arrival", "back", "stop")), None)
@@ -363,7 +361,7 @@ def _expected_outcome_of_travel(r: Response, readings: RecomputedNumbers) -> Exp
     hauled = r.drive == "haul"
     start = timetable.start_position(data.travel, data.drive, r.length)
     end = data.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
-    last, duration = _end_and_duration(data, r.length, start, end)
+    last, duration = _travel_end_and_duration(data, r.length, start, end)
     # a law and a design number judge the onset itself; here its text is compared
     ends = [x * r.length for x in (r.slack_onset_or_inf, position_where_mass_outruns_waves(r)) if math.isfinite(x)]
     slack = [min(ends)] if ends else []
@@ -373,7 +371,7 @@ def _expected_outcome_of_travel(r: Response, readings: RecomputedNumbers) -> Exp
     return ExpectedOutcome("crossed", [*ends, duration, *slack])
 
 
-def _end_and_duration(data: SceneData, length: float, start: float, end: float) -> tuple[float, float]:
+def _travel_end_and_duration(data: SceneData, length: float, start: float, end: float) -> tuple[float, float]:
     """End [m] and duration [s] of a travel; nan where a table does not say it."""
     law = data.travel
     if law["kind"] == "table":
@@ -429,8 +427,8 @@ def _add_broken_rope(right: ExpectedOutcome, readings: RecomputedNumbers, bar: f
 # --- the quasi-static ride ----------------------------------------------------------------------------------------
 
 
-def check_energy_of_ride(r: Response) -> Agreement:
-    """Check the energy along a quasi-static ride against the work of the forces of the TOML.
+def quasi_static_energy_row(r: Response) -> Agreement:
+    """The energy along a quasi-static ride against the work of the forces of the TOML.
 
     The car has kinetic energy, the rope has none. The gap is over the car's weight times the range of its depth, or
     times its deflection where it hardly moves.
@@ -438,8 +436,8 @@ def check_energy_of_ride(r: Response) -> Agreement:
     evidence = Evidence(r, Windows(r.fields.t[::2], r.t))
     gap = _relative_unexplained_energy(evidence)
     thin = evidence.without_every_second_step().without_every_second_station_and_frame()
-    statics = 1e-5  # of the energy: interpolation of the cable at rest
-    allowed = 3.0 * float(np.abs(gap - _relative_unexplained_energy(thin)).max()) + statics
+    sampling = float(np.abs(gap - _relative_unexplained_energy(thin)).max())
+    allowed = 3.0 * sampling + STATICS
     k = int(np.abs(gap).argmax())
     where = float(r.fields.s_o[evidence.window_frame_indices][k] / r.length)
     return _recomputed_row(r, "energy", "quasi-static", float(np.abs(gap[k])), allowed, where)

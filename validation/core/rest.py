@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import root
@@ -18,24 +19,32 @@ from scipy.optimize import root
 from cablefem.response import Array
 
 
-@cache
-def car_position_at_rest(
-    supports: tuple[float, float], EA: float, w: float, length: float, H: float, s_o: float, weight: float,
-    friction: float | None,
-) -> Array:  # fmt: skip
-    """Point (2,) of a car at s_o; nan if there is no solution.
+class EmptyCable(NamedTuple):
+    """A cable at rest without a car, in SI."""
 
-    w : weight of the cable per length.  H : horizontal tension of the empty cable.
+    supports: tuple[float, float]  # span and drop [m]
+    EA: float  # [N]
+    weight: float  # per length [N/m]
+    length: float  # [m]
+    H: float  # horizontal tension [N]
+
+
+@cache
+def car_position_at_rest(cable: EmptyCable, s_o: float, car_weight: float, friction: float | None) -> Array:
+    """Point (2,) [m] of a car at s_o [m]; nan if there is no solution.
+
     friction : of a car on its rope over its contact force; None: the car is clamped to the cable.
     """
+    supports, EA, w, length, H = cable
     points = 200  # of Gauss on each side of the car
     x, weights = np.polynomial.legendre.leggauss(points)
     half = 0.5 * np.array([s_o, length - s_o])
     s = np.concatenate([half[0] * (1.0 + x), s_o + half[1] * (1.0 + x)])
     ds = np.concatenate([half[0] * weights, half[1] * weights])
-    reach = 0.5 * supports[0] * w / H
-    risen = math.sinh(math.asinh(0.5 * supports[1] * w / H / math.sinh(reach)) + reach)  # V/H at the left support
-    load = np.array([0.0, -weight])
+    half_span = 0.5 * supports[0] * w / H
+    middle = math.asinh(0.5 * supports[1] * w / H / math.sinh(half_span))
+    risen = math.sinh(middle + half_span)  # V/H at the left support
+    load = np.array([0.0, -car_weight])
 
     def slope(n: Array, s: Array) -> Array:
         """r' (k, 2)."""
@@ -43,7 +52,8 @@ def car_position_at_rest(
         N = np.hypot(n[:, 0], n[:, 1])
         return ((1.0 - T / EA) / N + 1.0 / EA)[:, None] * n
 
-    def slopes_by_force(left: Array, jump: Array) -> Array:
+    def slopes_at_points(left: Array, jump: Array) -> Array:
+        """r' (k, 2) at all Gauss points, from the force at the left support and the jump at the car."""
         ahead = (s > s_o)[:, None]  # (k, 1)
         return slope(left - w * np.outer(s, [0.0, 1.0]) + jump * ahead, s)
 
@@ -57,18 +67,19 @@ def car_position_at_rest(
         size = math.hypot(*mean)
         tau = mean / size
         stretch = float(np.hypot(both[:, 0], both[:, 1]).sum())
-        held = friction * weight * abs(tau[0]) * size / stretch - weight * tau[1]
+        resisting = friction * car_weight * abs(tau[0]) * size / stretch
+        held = resisting - car_weight * tau[1]
         return np.asarray(load - held * tau)
 
     def end_and_balance_gaps(forces: Array) -> Array:
-        left, jump = forces.reshape(2, 2) * [[H], [weight]]
-        missing = ds @ slopes_by_force(left, jump) - supports
-        return np.concatenate([missing / length, (jump - jump_of_car(left, jump)) / weight])
+        left, jump = forces.reshape(2, 2) * [[H], [car_weight]]
+        missing = ds @ slopes_at_points(left, jump) - supports
+        return np.concatenate([missing / length, (jump - jump_of_car(left, jump)) / car_weight])
 
-    guess = np.array([1.0, risen + weight / H * (1.0 - s_o / length), 0.0, -1.0])
+    guess = np.array([1.0, risen + car_weight / H * (1.0 - s_o / length), 0.0, -1.0])
     forces = root(end_and_balance_gaps, guess, tol=1e-14).x
     if not np.abs(end_and_balance_gaps(forces)).max() < 1e-10:
         return np.full(2, math.nan)
-    left, jump = forces.reshape(2, 2) * [[H], [weight]]
+    left, jump = forces.reshape(2, 2) * [[H], [car_weight]]
     behind = s < s_o
-    return np.asarray(ds[behind] @ slopes_by_force(left, jump)[behind])
+    return np.asarray(ds[behind] @ slopes_at_points(left, jump)[behind])

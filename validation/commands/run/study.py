@@ -84,7 +84,7 @@ def rechecked_quasi_static_ride(scene: Scene) -> Response:
     r = with_inertia_error_bars(scene, replace(r, design=design_numbers(r)))
     rows = list(recomputed.recomputed_rows(r, None, outcome_of_run(scene, r)))
     if r.drive != "grip":
-        rows.append(recomputed.check_energy_of_ride(r))
+        rows.append(recomputed.quasi_static_energy_row(r))
     for row in rows:
         if row.verdict is not Verdict.AGREE:
             r = with_flag(r, "recomputed", what=f"{row.quantity} {row.law}".strip(), gap=row.gap, allowed=row.allowed)
