@@ -39,13 +39,16 @@ def heard_emission_intervals(x: ArrayLike, t: ArrayLike, *, V0: float, a: float)
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
     refuse_unless("V0 and a finite, t >= 0", math.isfinite(V0), math.isfinite(a), t >= 0.0)
     roots = [*_quadratic_roots(-0.5 * a, 1.0 - V0, x - t), *_quadratic_roots(0.5 * a, 1.0 + V0, -x - t)]
-    cuts = np.stack([np.zeros_like(t), *(np.clip(np.where(np.isfinite(r), r, 0.0), 0.0, t) for r in roots), t], axis=-1)
-    cuts.sort(axis=-1)
-    starts = cuts[..., :-1]
-    ends = cuts[..., 1:]
-    s = 0.5 * (starts + ends)
-    on = np.abs(x[..., None] - s * (V0 + 0.5 * a * s)) < t[..., None] - s
-    return starts, np.where(on, ends, starts)
+    cuts = [np.zeros_like(t), t]
+    for root in roots:
+        cuts.append(np.clip(np.where(np.isfinite(root), root, 0.0), 0.0, t))
+    edges = np.sort(np.stack(cuts, axis=-1), axis=-1)  # (..., 6)
+    starts = edges[..., :-1]
+    ends = edges[..., 1:]
+    middle = 0.5 * (starts + ends)
+    distance = np.abs(x[..., None] - middle * (V0 + 0.5 * a * middle))
+    heard = distance < t[..., None] - middle
+    return starts, np.where(heard, ends, starts)
 
 
 def _quadratic_roots(c2: float, c1: float, c0: Array) -> tuple[Array, Array]:

@@ -80,13 +80,15 @@ class AtRest(Case):
 
 
 def _relative_error(state: LineState, name: str, exact: float) -> float:
-    """Distance of a number, named by station and quantity, to the exact one; over the reach or the largest tension."""
-    station, what = name.split()
+    """Error of a number, over the reach or the largest tension; name : its station and quantity."""
+    station, quantity = name.split()
     k = [p.name for p in state.case.stations].index(station)
     lengths = {"s": state.s, "y": state.points[:, 1], "middle": np.append(state.middle[:, 1], np.nan)}
+    if quantity in lengths:
+        reach = np.ptp(state.points[:, 0])
+        return float((lengths[quantity][k] - exact) / reach)
     forces = {"behind": state.station_tensions[:, 0], "ahead": state.station_tensions[:, 1], "haul": state.haul}
-    scale = np.ptp(state.points[:, 0]) if what in lengths else np.nanmax(state.station_tensions)
-    return ((lengths | forces)[what][k] - exact) / scale
+    return float((forces[quantity][k] - exact) / np.nanmax(state.station_tensions))
 
 
 def cases() -> list[Case]:

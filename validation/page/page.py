@@ -47,7 +47,8 @@ class Section:
 def write_page(title: str, sections: Sequence[Section], out_file: Path) -> None:
     """Write the report atomically; the contents list the worst verdicts first."""
     order = list(VERDICTS)
-    judged = sorted((s for s in sections if s.verdict), key=lambda s: order.index(s.verdict or ""))
+    judged = [s for s in sections if s.verdict]
+    judged.sort(key=lambda s: order.index(s.verdict or ""))
     names = ["page.js", *dict.fromkeys(name for s in sections for name in s.scripts)]
     page = _ENVIRONMENT.get_template("page.html").render(
         title=title,

@@ -85,14 +85,12 @@ def _write_frames(r: Response, cable: Any, mass: Any) -> None:
         ends = np.insert(numbers[1:], i, m)
         du = np.interp(f.s_o[k], f.s, f.du[k])
         dv = np.interp(f.s_o[k], f.s, f.dv[k])
-        cable.add_frame(
-            t,
-            np.vstack([stations, at_mass[k], at_mass[k]]),
-            ("line", np.stack([begins, ends], axis=1)),
-            displacement=np.vstack([_vectors_with_y_up(f.u[k], f.v[k]), displacement[k], displacement[k]]),
-            velocity=_vectors_with_y_up(np.append(f.du[k], [du, du]), np.append(f.dv[k], [dv, dv])),
-            tension=np.append(f.T[k], [f.T_behind[k], f.T_ahead[k]]),
-        )
+        points = np.vstack([stations, at_mass[k], at_mass[k]])
+        lines = np.stack([begins, ends], axis=1)
+        moved = np.vstack([_vectors_with_y_up(f.u[k], f.v[k]), displacement[k], displacement[k]])
+        velocity = _vectors_with_y_up(np.append(f.du[k], [du, du]), np.append(f.dv[k], [dv, dv]))
+        tension = np.append(f.T[k], [f.T_behind[k], f.T_ahead[k]])
+        cable.add_frame(t, points, ("line", lines), displacement=moved, velocity=velocity, tension=tension)
         at = slice(k, k + 1)
         mass.add_frame(
             t,

@@ -168,9 +168,12 @@ def write_csv_rows(file: Path, rows: Sequence[Row]) -> None:
 
 
 def _print_grid_table(rows: list[Row], columns: Columns) -> None:
-    numeric = [c.head for name, c in columns.items() if any(isinstance(x.get(name), int | float) for x in rows)]
-    cells = [[c.cell_text(x.get(name)) for name, c in columns.items()] for x in rows]
-    terminal.print_table([c.head for c in columns.values()], cells, right=numeric)
+    cells = []
+    numeric = set()
+    for row in rows:
+        cells.append([column.cell_text(row.get(name)) for name, column in columns.items()])
+        numeric |= {column.head for name, column in columns.items() if isinstance(row.get(name), int | float)}
+    terminal.print_table([column.head for column in columns.values()], cells, right=list(numeric))
 
 
 def run_table_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
