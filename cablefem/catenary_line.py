@@ -54,8 +54,8 @@ class _CatenaryProblem:
     def __init__(self, case: Case) -> None:
         self.case = case
         self.count = len(case.stations) - 1
-        self.s = case.fixed_s
-        self.points = case.fixed_points
+        self.s = case.s_or_nan
+        self.points = case.points_or_nan
         self.free_s, self.free_points = np.isnan(self.s), np.isnan(self.points)
         first = first_guess(case)
         if isinstance(first, NoLineAtRest):

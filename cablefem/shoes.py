@@ -59,7 +59,7 @@ def line_snapshot(
     line: MovingLine, points: Array, s: Array, points_off_rope: dict[str, Array], rope: Callable[[float], Array]
 ) -> LineSnapshot:
     """From points (3, contacts, 2) and s (3, contacts) of all contacts, and points (3, 2) of cars off the rope."""
-    names = [c.name for c in line.touching]
+    names = [c.name for c in line.contacts_and_wheels]
     at, rates = (dict(zip(names, values, strict=True)) for values in s[:2].tolist())
     by_name = dict(zip(names, points.swapaxes(0, 1), strict=True))
     at |= {car.name: at[car.rail.saddle] for car in line.over if car.rail is not None}
@@ -83,7 +83,7 @@ def _passages_of_contact(line: MovingLine, k: int, supports: Mapping[str, Contac
         saddle = supports[car.rail.saddle]
         yield Passage(car.name, "leaves the rope at", saddle)
         yield Passage(car.name, "leaves the shoe of", saddle)
-    elif car.kind != "free" and car.wheels is None:
+    elif car.drive_kind != "free" and car.wheels is None:
         for neighbour in (line.contacts[k - 1], line.contacts[k + 1]):
             if isinstance(neighbour, Contact) and neighbour.shoe is not None:
                 yield Passage(car.name, "lands on the shoe of", neighbour)
@@ -172,7 +172,7 @@ def _with_rope_point_below_car(
     line: MovingLine, car: Car, t: float, phase: int, snapshot: LineSnapshot
 ) -> LineSnapshot:
     """The snapshot with s and the point of the rope below a car off the rope, with their rates."""
-    position, speed, _ = line.position(car, t, phase)
+    position, speed, _ = line.position_with_rates(car, t, phase)
     if car.along == "s":
         s, ds = position, speed
         r, along, w = snapshot.rope(s)
@@ -217,7 +217,7 @@ def _rail_end_on_load_path(
     cases = []
     for x in at.tolist():
         stations = tuple(sorted([*span, car.station_at(x, line.gravity)], key=lambda p: p.x))
-        cases.append(Case(stations, line.weight, line.rope.EA, length=length))
+        cases.append(Case(stations, line.weight_per_length, line.rope.EA, length=length))
     assert line.solve is not None
     before, y, after = (_car_depth_at_rest(car, saddle, state, t) for state in line.solve(cases))
     return RailEnd(float(at[1]), y, (after - before) / (2.0 * step), (after - 2.0 * y + before) / step**2)
@@ -257,7 +257,7 @@ def off_rope_motion_and_powers(
     powers = {f"{name} {cause}": power for cause, power in off_rope.powers.items()}
     grips = car.drive.mode == "grip"
     if grips:
-        s, ds, _ = np.array([line.position(car, x.t, x.phase) for x in states]).T
+        s, ds, _ = np.array([line.position_with_rates(car, x.t, x.phase) for x in states]).T
         stretch = car.rail.stretch
         powers[f"{name} grip"] = stretch * along * ds
     else:
@@ -273,7 +273,7 @@ def off_rope_motion_and_powers(
 
 def downward_normals(rail: Rail, x: Array) -> Array:
     """Normals of the rail (n, 2) at x (n,), downwards."""
-    slope = rail.slopes(x)[1]
+    slope = rail.depth_with_derivatives(x)[1]
     return np.stack([-slope, np.ones_like(slope)], axis=1) / np.hypot(1.0, slope)[:, None]
 
 

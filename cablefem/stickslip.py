@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 from cablefem.newmark import State, System
 from cablefem.scene import Groups
+from cablefem.scene.drive import RollingCarState
 
 EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "back", "lift_off", "stop")
 
@@ -196,7 +197,7 @@ class RollingCar(System):
         drive = self.drive
         s_o = float(x.q[-1])
         if self.free and not 0.0 < s_o < 1.0:  # off the cable only these have values
-            ends = {"arrival": drive.end_position - s_o, "back": s_o - drive.back_position}
+            ends = {"arrival": drive.end_position - s_o, "back": s_o - drive.rollback_end_position}
             return tuple(ends.get(name, math.inf) for name in EVENTS)
         forces = self.car_forces(x)
         lift_off = math.inf if mode.lifted_off else forces.normal
@@ -224,7 +225,7 @@ class RollingCar(System):
         direction = mode.heading if turns_at_standstill_only else 0.0
         ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) and direction >= 0.0 else math.inf
         back = s_o - drive.brakes[n - 1][0] if n and direction <= 0.0 else math.inf
-        return ahead, back, drive.end_position - s_o, s_o - drive.back_position
+        return ahead, back, drive.end_position - s_o, s_o - drive.rollback_end_position
 
     def _moves_too_far_for_rest(self, x: State) -> bool:
         mode = self.mode
@@ -242,12 +243,13 @@ class RollingCar(System):
         """Fraction of the equal step that the next one may have, see `System.step_fraction`."""
         mode = self.mode
         slip = x.v.item(-1)
-        holds = self.drive.has_resistance and (mode.brakes > 0 or mode.sticks)
-        short_after_jumps = self.short_steps_after_jumps or self.drive.has_resistance
+        holds = self.drive.has_friction_or_brakes and (mode.brakes > 0 or mode.sticks)
+        short_after_jumps = self.short_steps_after_jumps or self.drive.has_friction_or_brakes
         forward = mode.forward if short_after_jumps else 0.0
         since_jump = since_event if short_after_jumps else math.inf
         s_o = x.q.item(-1) + time_ahead * slip
-        return self.drive.step_fraction(self.round_trip, self.sigma, s_o, slip, forward, since_jump, holds)
+        car = RollingCarState(s_o, slip, forward, since_jump, held=holds)
+        return self.drive.step_fraction(self.round_trip, self.sigma, car)
 
     @property
     def event_free_range_known(self) -> bool:
@@ -261,7 +263,7 @@ class RollingCar(System):
         drive = self.drive
         positions = (0.0, *(position for position, _ in drive.brakes), 1.0)
         n = mode.brakes
-        low = max(drive.back_position, positions[n])
+        low = max(drive.rollback_end_position, positions[n])
         high = min(drive.end_position, positions[n + 1])
         slip_sign = mode.heading if self.friction_or_brake_acts else 0.0
         return EventFreeRange(low, high, slip_sign, mode.forward, drive.rest_speed)

@@ -54,8 +54,8 @@ class SystemOverPosition(System):
     def _time_speed_acceleration_at(self, s_o: float, phase: int) -> tuple[float, float, float]:
         """t, ds_o, dds_o where the mass is at s_o."""
         t0, t1 = self.system.phases[phase]
-        t = min(max(self.motion.time_at(s_o), t0), t1)
-        return t, *self.motion.at(t, phase)[1:]
+        t = min(max(self.motion.time_at_position(s_o), t0), t1)
+        return t, *self.motion.position_with_rates(t, phase)[1:]
 
     def start(self, phase: int, state: State | None) -> State:
         """The state at the start of a phase by place: q and its derivatives by s_o; (48) where the car is at rest."""

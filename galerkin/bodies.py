@@ -55,7 +55,7 @@ class OnRail(NamedTuple):
     def fold_derivatives(self, K: Array, Z: Array, column: Array) -> None:
         """Add the derivatives by the jet of y to those by that of x, without the third of Y; K (3, rows, columns)."""
         _, dx, ddx = Z[:, self.x]
-        _, slope, bend = self.rail.slopes(Z[0, self.x])
+        _, slope, bend = self.rail.depth_with_derivatives(Z[0, self.x])
         by, at = K[..., int(column[self.p[0]])], column[self.x]
         K[0, :, at] += by[0] * slope + by[1] * bend * dx + by[2] * bend * ddx
         K[1, :, at] += by[1] * slope + by[2] * 2.0 * bend * dx
@@ -176,7 +176,7 @@ class CarBody(Body):
         """The car at rest: a free one is held, and no wind blows."""
         other = copy.copy(self)
         other.k = 0.0
-        if self.car.kind == "free":
+        if self.car.drive_kind == "free":
             other.unknown = self.unknown[:-1]
         return other
 
@@ -233,7 +233,7 @@ class PointCar(CarBody):
     def __init__(self, car: Car, line: MovingLine) -> None:
         super().__init__(car, line)
         hanger = car.hanger
-        self.unknown = {"grip": "xy", "haul": "xyF", "haul_x": "ysF", "free": "xys"}[car.kind]
+        self.unknown = {"grip": "xy", "haul": "xyF", "haul_x": "ysF", "free": "xys"}[car.drive_kind]
         if car.rail is not None:
             self.unknown = self.unknown.replace("y", "")
         self.m = self.h = self.about_hanger = self.damping = 0.0
@@ -272,7 +272,7 @@ class PointCar(CarBody):
         C, on_rope = self.contact_force(x), self.force_on_rope(x)
         balances = [on_rope + C]
         if self.car.rail is not None:  # the shoe is normal to the path
-            slope = self.car.rail.slopes(x.p[..., 0])[1]
+            slope = self.car.rail.depth_with_derivatives(x.p[..., 0])[1]
             balances = [(balances[0][..., 0] + slope * balances[0][..., 1])[..., None]]
         if self.turns:
             balances.append(self.swing_row(x))
@@ -300,6 +300,6 @@ class PointCar(CarBody):
     def powers(self, x: ContactState) -> dict[str, Array]:
         velocity = self.centre_of_mass(x)[1]
         powers = {"swing": -self.damping * x.dangle[..., 0] ** 2} if self.damping else {}
-        if self.car.kind == "grip":
+        if self.car.drive_kind == "grip":
             return powers
         return powers | {"drag": dot(self.drag(velocity), velocity), self.driven: x.F * dot(x.tau, x.dp)}

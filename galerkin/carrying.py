@@ -14,7 +14,7 @@ from galerkin.segments import Layout, basis_functions
 def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple[LineSines, State]:
     """The line after a passage, and its state by least squares."""
     old, before = system.layout, system.coordinates_with_rates(x)
-    names = [c.name for c in system.line.touching]
+    names = [c.name for c in system.line.contacts_and_wheels]
     jets = before[:, np.stack([old.x, old.y], axis=1)]  # (3, contacts, 2)
     over = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.over}
     now = line_snapshot(system.line, jets, before[:, old.s], over, lambda s: rope_at(old, before, np.array([s]))[:, 0])
@@ -22,7 +22,7 @@ def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple
     new = LineSines(line, old.functions - 2)
     layout = new.layout
     Z = new.prescribed(x.t, x.phase)
-    for k, contact in enumerate(new.line.touching):
+    for k, contact in enumerate(new.line.contacts_and_wheels):
         name = contact.name
         Z[:2, layout.s[k]] = now.s[name], now.ds[name]
         Z[:2, [layout.x[k], layout.y[k]]] = now.points[name][:2]
@@ -40,7 +40,7 @@ def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple
     layout.set_followers(Z)
     if passage.car in system.layout.angle_off_rope and passage.car not in layout.angle_off_rope:
         # its velocity may jump; moments about the hanger keep their balance
-        k, body = [c.name for c in new.line.touching].index(passage.car), system.off_rope[passage.car].body
+        k, body = [c.name for c in new.line.contacts_and_wheels].index(passage.car), system.off_rope[passage.car].body
         angle = Z[0, layout.angle[k]]
         jump = Z[1, [layout.x[k], layout.y[k]]] - over[passage.car][1]
         along = jump @ np.array([np.cos(angle), -np.sin(angle)])

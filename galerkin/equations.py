@@ -91,7 +91,7 @@ class GalerkinSystem(System):
 
     def _reset_instant_cache(self) -> None:
         """Make the cache of instants; a collocation step visits three."""
-        self.instant = lru_cache(maxsize=8)(lambda t, phase: self._instant_at(*self.motion.at(t, phase)))
+        self.instant = lru_cache(maxsize=8)(lambda t, phase: self._instant_at(*self.motion.position_with_rates(t, phase)))
 
     def with_law(self, law: str) -> Self:
         other = copy.copy(self)
@@ -101,7 +101,7 @@ class GalerkinSystem(System):
         return other
 
     def position(self, x: State) -> float:
-        return self.motion.at(x.t, x.phase)[0]
+        return self.motion.position_with_rates(x.t, x.phase)[0]
 
     def balance_times(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
         if self.motion is None:
@@ -110,7 +110,7 @@ class GalerkinSystem(System):
 
     def mass_kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history, (3, n)."""
-        return self.motion.kinematics(states.t, states.phase)
+        return self.motion.positions_with_rates(states.t, states.phase)
 
     def states_over_time(self, states: States) -> States:
         return states
@@ -220,7 +220,7 @@ class GalerkinSystem(System):
         self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
     ) -> tuple[int, Array, Array]:
         """The number of good steps, ends and results of `kernels.solve_steps`."""
-        kinematics = self.motion.kinematics(t, phase).T
+        kinematics = self.motion.positions_with_rates(t, phase).T
         same, sines = next(self.runs_with_equal_rules(kinematics[:, 0]))
         return kernels.solve_steps(
             None, None, sines, np.ascontiguousarray(kinematics[same]), start, rules[same], newton
@@ -236,7 +236,7 @@ class GalerkinSystem(System):
     def start(self, phase: int, state: State | None) -> State:
         """At entry the limit t -> 0+; later q and v are continuous, a jumps with dds_o."""
         if state is None:
-            s_o, ds_o, _ = self.motion.at(0.0, 0)
+            s_o, ds_o, _ = self.motion.position_with_rates(0.0, 0)
             if s_o > 0.0:
                 return newmark.quasi_static_start(
                     self, lambda at: solve_equilibrium(self.with_clamped_car(at)), s_o, ds_o
@@ -271,7 +271,7 @@ class GalerkinSystem(System):
             (mu + m) a_hat + (c_d m - ds_o b) ds_o d + [N t - T t_static](d) + mu (X.. - sigma j) = 0.
         """
         t = self.phases[0][0]
-        s_o, ds_o, dds_o = self.motion.at(t, 0)
+        s_o, ds_o, dds_o = self.motion.position_with_rates(t, 0)
         q, v, a = np.zeros((3, self.n_dof))
         if not self.kink:
             return State(t, q, v, a, 0)

@@ -42,11 +42,11 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     cars, contacts = [], []
     times = np.array([x.t for x in states])
     before_jump = np.append(times[1:] <= times[:-1], False)
-    for k, (contact, body) in enumerate(zip(line.touching, system.equations.bodies, strict=True)):
+    for k, (contact, body) in enumerate(zip(line.contacts_and_wheels, system.equations.bodies, strict=True)):
         at, position = system.equations.contact_state(contact_values, k), positions[:, k]
         energies += body.energies(at)
         if isinstance(body, CarBody):
-            hold = system.holds.get(k, 0.0) * np.array([body.car.drive.hold_fraction(x.t) for x in states])
+            hold = system.holds.get(k, 0.0) * np.array([body.car.drive.remaining_hold_fraction(x.t) for x in states])
             of_car = positions[:, k : k + body.contacts]
             cars.append(_car_motion(body, of_car, at))
             reached = of_car[:, -1] - 1e-9 * before_jump  # of two states at a brake the first is short of it
@@ -54,7 +54,7 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
         elif isinstance(contact, Contact):
             contacts.append(_contact_motion(line, contact, body, position, at))
         if isinstance(body, Counterweight):
-            entering = _energy_flux(line, at.behind + at.ahead, at.ds) - line.weight * at.p[:, 1]
+            entering = _energy_flux(line, at.behind + at.ahead, at.ds) - line.weight_per_length * at.p[:, 1]
             powers[f"{contact.name} weight"] = body.outward * at.ds * entering
     for car, (body, *_) in zip(line.over, system.off_rope.values(), strict=True):
         each = [(np.array([x.t]), system.coordinates_with_rates(x)[:, None], x.phase) for x in states]
@@ -79,7 +79,7 @@ def _car_motion(body: CarBody, s: Array, at: Any) -> CarMotion:
     car, wheels = body.car, body.wheels(at)
     rear, x = wheels[0], wheels[-1]
     none, pressing = np.full(len(s), np.nan), body.wheel_loads(at)
-    hauled, grips = car.drive.mode == "haul", car.kind == "grip"
+    hauled, grips = car.drive.mode == "haul", car.drive_kind == "grip"
     on_shoe = np.zeros(len(s))
     if car.rail is not None and isinstance(body, PointCar):
         on_shoe = -(downward_normals(car.rail, x.p[:, 0]) * (body.force_on_rope(x) + body.contact_force(x))).sum(axis=1)
@@ -159,7 +159,9 @@ def _rope_energies(rope: Rope) -> Array:
     line, law = rope.layout.line, rope.law
     w = rope.layout.weights * rope.h[0]
     kinetic = 0.5 * line.rope.mass_per_length * (rope.r[1] ** 2).sum(axis=-1)
-    densities = np.stack([kinetic, 0.5 * line.rope.EA * (law.stretch - 1.0) ** 2, -line.weight * rope.r[0, ..., 1]])
+    densities = np.stack(
+        [kinetic, 0.5 * line.rope.EA * (law.stretch - 1.0) ** 2, -line.weight_per_length * rope.r[0, ..., 1]]
+    )
     return (w * densities).sum(axis=(-2, -1))
 
 

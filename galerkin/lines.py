@@ -18,8 +18,8 @@ from cablefem.scene.contacts import (
     Contact,
     MovingLine,
     Wheel,
-    lift_off_event,
-    meeting_event,
+    lift_off_event_name,
+    meeting_event_name,
 )
 from cablefem.shoes import passage_exists_between, possible_passages
 from galerkin.bodies import Body, CarBody, ContactState, Counterweight, Friction, PointCar, Saddle, Spring, dot
@@ -154,18 +154,20 @@ class LineSines(System):
 
     def __init__(self, line: MovingLine, terms: int) -> None:
         self.line, self.layout, self.phases = line, Layout(line, terms), line.phases
-        bodies = [body_of(line, contact) for contact in line.touching]
+        bodies = [body_of(line, contact) for contact in line.contacts_and_wheels]
         self.cars = {k: body for k, body in enumerate(bodies) if isinstance(body, CarBody)}
         self.travel_contact = {
             k: k + body.contacts - 1 for k, body in self.cars.items()
         }  # contact that the travel is of
-        self.free_cars = {k: body for k, body in self.cars.items() if body.car.kind == "free"}
+        self.free_cars = {k: body for k, body in self.cars.items() if body.car.drive_kind == "free"}
         self.equations = Equations(self.layout, bodies)
         self.held_equations = Equations(
             self.layout, [body.held_copy() if isinstance(body, CarBody) else body for body in bodies]
         )
         self.n_dof = self.equations.size
-        self.force_scale = max((line.gravity * car.mass for car in line.cars), default=line.weight * self._line_length)
+        self.force_scale = max(
+            (line.gravity * car.mass for car in line.cars), default=line.weight_per_length * self._line_length
+        )
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA
         self.frictions = [Friction() for _ in bodies]
         self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
@@ -180,7 +182,7 @@ class LineSines(System):
         self.off_rope = {
             car.name: CarOffRope(
                 PointCar(car, line),
-                rows[int(self.layout.s[self.below[car.name]])] if car.kind == "grip" else None,
+                rows[int(self.layout.s[self.below[car.name]])] if car.drive_kind == "grip" else None,
                 rows[self.layout.angle_off_rope[car.name]] if car.hanger is not None else None,
             )
             for car in line.over
@@ -190,16 +192,16 @@ class LineSines(System):
 
     def _name_events(self, bodies: list[Body]) -> None:
         """Set the events, and what each kind of them watches."""
-        names = [c.name for c in self.line.touching]
-        touching = self.line.touching
+        names = [c.name for c in self.line.contacts_and_wheels]
+        touching = self.line.contacts_and_wheels
         self.passages = possible_passages(self.line)
         pairs = [i for i in self.layout.outer if i in self.travel_contact.values() or i + 1 in self.cars]
         self.gaps = [i for i in pairs if not passage_exists_between(self.passages, names[i], names[i + 1])]
-        meetings = [meeting_event(touching[i], touching[i + 1]) for i in self.gaps]
+        meetings = [meeting_event_name(touching[i], touching[i + 1]) for i in self.gaps]
         self._set_stops_and_brakes()
         stops = [f"{self.cars[k].car.name} stops" for k in self.stops]
         brakes = [f"{self.cars[k].car.name} brakes" for k, _ in self.brakes]
-        lifted = [lift_off_event(c) for c in touching if not isinstance(c, Contact)]
+        lifted = [lift_off_event_name(c) for c in touching if not isinstance(c, Contact)]
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
         self.rope_events = ["rope falls slack", *(f"rope lifts off {names[k]}" for k in self.saddles)]
         loose = [f"{self.cars[k].car.name} breaks loose" for k in self.stops]
@@ -208,7 +210,7 @@ class LineSines(System):
 
     def _set_stops_and_brakes(self) -> None:
         """Set the free cars that may stop, and the positions where their brakes begin."""
-        self.stops = [k for k, body in self.free_cars.items() if body.car.drive.has_resistance]
+        self.stops = [k for k, body in self.free_cars.items() if body.car.drive.has_friction_or_brakes]
         self.brakes = [(k, position) for k in self.stops for position, _ in self.cars[k].car.drive.brakes]
 
     @property
@@ -228,14 +230,14 @@ class LineSines(System):
     def _prescribe(self, t: float, phase: int) -> Array:
         line, layout = self.line, self.layout
         Z = np.zeros((3, layout.size))
-        for k, contact in enumerate(line.touching):
+        for k, contact in enumerate(line.contacts_and_wheels):
             if isinstance(contact, Contact):
                 Z[0, layout.x[k]], Z[0, layout.y[k]] = contact.point
         for k, body in self.cars.items():
             car, lead = body.car, self.travel_contact[k]
             if car.travel is not None:
-                at = layout.x if car.kind == "haul_x" else layout.s
-                Z[:, at[lead]] = line.position(car, t, phase)
+                at = layout.x if car.drive_kind == "haul_x" else layout.s
+                Z[:, at[lead]] = line.position_with_rates(car, t, phase)
             else:
                 Z[0, layout.s[lead]] = car.drive.start
                 Z[2, layout.F[k]] = line.thrust(car, t, phase)
@@ -256,7 +258,9 @@ class LineSines(System):
         """Friction at all contacts at the time or times t."""
         present = list(self.frictions)
         for k, body in self.free_cars.items():
-            hold = np.array([body.car.drive.hold_fraction(at) for at in np.ravel(t).tolist()]).reshape(np.shape(t))
+            hold = np.array([body.car.drive.remaining_hold_fraction(at) for at in np.ravel(t).tolist()]).reshape(
+                np.shape(t)
+            )
             present[k] = present[k]._replace(hold=self.holds[k] * hold)
         return present
 
@@ -290,14 +294,16 @@ class LineSines(System):
         """What the body of a car off the rope takes, at the times t (n,), from Z (3, n, layout.size)."""
         assert car.rail is not None
         flow = Z[:, :, self.layout.s[self.below[car.name]]].T
-        points = [self.line.point_off_rope(car, at, phase, s) for at, s in zip(t.tolist(), flow, strict=True)]
+        points = [
+            self.line.point_with_rates_off_rope(car, at, phase, s) for at, s in zip(t.tolist(), flow, strict=True)
+        ]
         x = np.zeros((t.size, ContactState.size))
         x[:, [4, 6]] = 1.0  # the rail in the place of the rope
         for order, point in enumerate(np.swapaxes(points, 0, 1)):
             x[:, 8 + 5 * order : 10 + 5 * order] = point
             if car.hanger is not None:
                 x[:, 10 + 5 * order] = Z[order][:, self.layout.angle_off_rope[car.name]]
-        x[:, [5, 7]] = car.rail.slopes(x[:, 8])[1][:, None]
+        x[:, [5, 7]] = car.rail.depth_with_derivatives(x[:, 8])[1][:, None]
         return ContactState(x)
 
     def _add_cars_off_rope(self, t: float, Z: Array, phase: int, r: Array, K: Array) -> None:
@@ -336,11 +342,11 @@ class LineSines(System):
         """Keep the direction of friction, and the brakes that act, for one step."""
         Z = self.coordinates_with_rates(x)
         for k, body in self.cars.items():
-            if not body.car.drive.has_resistance or body.car.rail is not None:  # a shoe has no friction
+            if not body.car.drive.has_friction_or_brakes or body.car.rail is not None:  # a shoe has no friction
                 continue
             ds, sign = Z[1, self.layout.s[self.travel_contact[k]]], self.frictions[k].sign
             if k not in self.free_cars:
-                sign = self.line.direction(body.car, x.phase)
+                sign = self.line.travel_direction(body.car, x.phase)
             elif abs(ds) > TURNING:
                 sign = float(np.sign(ds))
             self._set_friction(k, float(Z[0, self.layout.s[self.travel_contact[k]]]), sign)
@@ -434,7 +440,7 @@ class LineSines(System):
     def _goes_on(self, x: State) -> bool:
         """Whether a free car rolls, or one has a timetable or forces that go on to change."""
         rolling = any(k not in self.stops or not self._sticks(k) for k in self.free_cars)
-        return rolling or self.line.changes_after(x.t, x.phase)
+        return rolling or self.line.travel_or_force_changes_after(x.t, x.phase)
 
     def _come_to_rest(self, k: int, x: State) -> State:
         """The state after a standstill: friction holds the car, or it slips."""
@@ -519,7 +525,7 @@ class LineSines(System):
         thrust = self.line.thrust(body.car, 0.0, 0) * math.cos(body.car.drive.thrust_angle)
         needed = self.holds[k] - thrust / projection
         self._set_friction(k, float(Z[0, self.layout.s[self.travel_contact[k]]]), -float(np.sign(needed)))
-        if body.car.drive.has_resistance and abs(needed) <= float(
+        if body.car.drive.has_friction_or_brakes and abs(needed) <= float(
             body.friction_and_brakes(body.wheel_loads(state), self.frictions[k]).sum()
         ):
             raise StepFailure(0.0, f"friction or brakes hold {name} where it begins", "begin on steeper rope")
@@ -573,7 +579,7 @@ class LineSines(System):
         weights = [c.force for c in line.supports if c.force is not None]
         if weights:
             return weights[0]
-        return 4.0 * (line.weight * self._line_length + sum(line.gravity * car.mass for car in line.cars))
+        return 4.0 * (line.weight_per_length * self._line_length + sum(line.gravity * car.mass for car in line.cars))
 
     def _solve_rest(self, Z: Array, guess: Array) -> Array:
         """Rest by Newton's method with shorter steps where the residual grows; Z holds what is prescribed."""
@@ -583,7 +589,7 @@ class LineSines(System):
         frictions = [Friction() for _ in held.bodies]
         for k, body in self.cars.items():
             if body.car.travel is not None:
-                frictions[k] = Friction(body.car.drive.mu_r, sign=self.line.direction(body.car, 0))
+                frictions[k] = Friction(body.car.drive.mu_r, sign=self.line.travel_direction(body.car, 0))
 
         def put(values: Array) -> Array:
             Z[0, held.free] = np.where(held.forces, 0.0, values)
@@ -613,7 +619,7 @@ class LineSines(System):
         """Chords with a little sag."""
         line, layout = self.line, self.layout
         Z = Z.copy()
-        at = [k for k, c in enumerate(line.touching) if isinstance(c, Contact)]
+        at = [k for k, c in enumerate(line.contacts_and_wheels) if isinstance(c, Contact)]
         points = np.array([c.point for c in line.supports])
         chords = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
         kinds = [c.kind for c in line.supports]
@@ -629,7 +635,7 @@ class LineSines(System):
             i = int(np.searchsorted(at, k)) - 1
             (x, y), way = points[i], points[i + 1] - points[i]
             s = Z[0, layout.s[at[i : i + 2]]]
-            if body.car.kind == "haul_x":
+            if body.car.drive_kind == "haul_x":
                 z = (Z[0, layout.x[lead]] - x) / way[0]
                 Z[0, layout.s[lead]] = s[0] + z * (s[1] - s[0])
             else:

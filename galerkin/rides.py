@@ -76,11 +76,11 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def _car_kinematics(self, x: State) -> tuple[float, float, float]:
         """s_o, ds_o, dds_o."""
-        return (float(x.q[-1]), float(x.v[-1]), float(x.a[-1])) if self.free else self.motion.at(x.t, x.phase)
+        return (float(x.q[-1]), float(x.v[-1]), float(x.a[-1])) if self.free else self.motion.position_with_rates(x.t, x.phase)
 
     def _car_loads(self, t: float, phase: int) -> rolling.CarLoads:
         drive = self.drive
-        against = -self.mode.slip_sign if self.free else -math.copysign(1.0, self.motion.at(t, phase)[1])
+        against = -self.mode.slip_sign if self.free else -math.copysign(1.0, self.motion.position_with_rates(t, phase)[1])
         brake = against * self.brake_force
         loads = self.mu, self.groups.sigma, drive.k, drive.wind, self.hold_force(t), against * drive.mu_r, brake
         since, ax, ay, jx, jy = self._mean_acceleration if self.free else (t, math.nan, math.nan, 0.0, 0.0)
@@ -115,7 +115,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def hold_force(self, t: float) -> float:
         """F_hold on a free car at t; 0 on a hauled one."""
-        return self.hold * self.drive.hold_fraction(t) if self.free else 0.0
+        return self.hold * self.drive.remaining_hold_fraction(t) if self.free else 0.0
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
         """Adds the power of each force on the car."""
@@ -193,7 +193,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
             kinematics = np.array([at_start])
             sines = self._cable_sines(behind, ahead)
         else:
-            kinematics = np.ascontiguousarray(self.motion.kinematics(t, phase).T)
+            kinematics = np.ascontiguousarray(self.motion.positions_with_rates(t, phase).T)
             turned = np.flatnonzero(np.signbit(kinematics[:, 1]) != np.signbit(kinematics[0, 1]))
             same, sines = next(self.runs_with_equal_rules(kinematics[: turned[0] if turned.size else t.size, 0]))
             t = t[same]
@@ -225,7 +225,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self._past = np.empty((0, 3))
         self._mean_acceleration = [0.0] * 5
         if not self.free:
-            speed = self.motion.at(0.0, 0)[1]
+            speed = self.motion.position_with_rates(0.0, 0)[1]
             return self.solve_acceleration(quasi_static_start(self, self._hauled_unknowns_at_rest, s_o, speed))
         q = np.append(solve_equilibrium(self.with_clamped_car(s_o)), s_o)
         still = np.zeros(self.n_dof)

@@ -63,9 +63,9 @@ class Layout:
 
     def __init__(self, line: MovingLine, terms: int) -> None:
         self.line = line
-        self.contacts = len(line.touching)
+        self.contacts = len(line.contacts_and_wheels)
         self.segments = self.contacts - 1
-        wheels = {k: contact for k, contact in enumerate(line.touching) if isinstance(contact, Wheel)}
+        wheels = {k: contact for k, contact in enumerate(line.contacts_and_wheels) if isinstance(contact, Wheel)}
         rear = [k for k, wheel in wheels.items() if not wheel.front]
         self.outer = [i for i in range(self.segments) if i not in rear]
         points, weights = np.polynomial.legendre.leggauss(2 * terms + 12)
@@ -81,7 +81,7 @@ class Layout:
         self.inner = 2 * self.functions * self.segments
         # angles of the cabins of cars off the rope
         first = self.inner + 7 * self.contacts
-        self.angle_off_rope = {car.name: i for i, car in enumerate(line.hung_off_rope, start=first)}
+        self.angle_off_rope = {car.name: i for i, car in enumerate(line.swinging_cars_off_rope, start=first)}
         self.size = first + len(self.angle_off_rope)
         own = self.inner + np.arange(7 * self.contacts).reshape(-1, 7)
         self.moving = own[:, :5]
@@ -92,9 +92,11 @@ class Layout:
             car = k - wheel.front
             x, y = wheel_arm_in_car_axes(wheel)
             self.wheels[k] = Follower(own[k, :2], own[car, 3:5], int(self.angle[car]), (x, y))
-            if wheel.front and wheel.car.kind == "haul_x":
+            if wheel.front and wheel.car.drive_kind == "haul_x":
                 given_x.append(Follower(own[car, 3:4], own[k, :1], int(self.angle[car]), (-x, -y)))
-        rails = [(k, c.rail) for k, c in enumerate(line.touching) if isinstance(c, Car) and c.rail is not None]
+        rails = [
+            (k, c.rail) for k, c in enumerate(line.contacts_and_wheels) if isinstance(c, Car) and c.rail is not None
+        ]
         on_rails = [OnRail(own[k, 1:2], int(own[k, 0]), rail) for k, rail in rails]
         self.followers: list[Follower | OnRail] = [*given_x, *self.wheels.values(), *on_rails]
         q = np.arange(self.inner).reshape(self.segments, -1)

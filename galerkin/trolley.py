@@ -78,7 +78,7 @@ class Trolley(CarBody):
 
     def __init__(self, car: Car, line: MovingLine) -> None:
         super().__init__(car, line)
-        self.unknown = {"grip": "tuvs", "haul": "tuvsF", "haul_x": "tvsSF", "free": "tuvsS"}[car.kind]
+        self.unknown = {"grip": "tuvs", "haul": "tuvsF", "haul_x": "tvsSF", "free": "tuvsS"}[car.drive_kind]
         self.arms_in_car_axes = [wheel_arm_in_car_axes(Wheel(car=car, front=front)) for front in (False, True)]
         self.inertia = car.wheels.inertia if car.wheels is not None else 0.0
         drive = car.drive
@@ -126,7 +126,7 @@ class Trolley(CarBody):
 
     def powers(self, x: tuple[ContactState, ContactState]) -> dict[str, Array]:
         at = x[0]
-        if self.car.kind == "grip":
+        if self.car.drive_kind == "grip":
             return {}
         driven = dot(rotate(self.thrust_axes, at.angle), at.dc) + self.lever * at.dangle[..., 0]
         return {"drag": dot(self.drag(at.dc), at.dc), self.driven: at.F * driven}

@@ -33,9 +33,9 @@ def march(system, steps, method="trapezoidal", *, until=1.0, **kw):
     states = []
     for x in integrate(system, scheme(method, **kw), step_times_by_phase(system, steps)):
         states.append(x)
-        if system.motion.at(x.t, x.phase)[0] > until:
+        if system.motion.position_with_rates(x.t, x.phase)[0] > until:
             break
-    s_o = np.array([system.motion.at(x.t, x.phase)[0] for x in states])
+    s_o = np.array([system.motion.position_with_rates(x.t, x.phase)[0] for x in states])
     return stack(states), s_o
 
 

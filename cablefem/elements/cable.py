@@ -94,7 +94,7 @@ class CableElements(System):
         return other
 
     def position(self, x: State) -> float:
-        return self.motion.at(x.t, x.phase)[0]
+        return self.motion.position_with_rates(x.t, x.phase)[0]
 
     def balance_times(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
         if self.motion is None:
@@ -214,7 +214,7 @@ class CableElements(System):
 
     def _mass_kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history (n, 3)."""
-        return np.ascontiguousarray(self.motion.kinematics(states.t, states.phase).T)
+        return np.ascontiguousarray(self.motion.positions_with_rates(states.t, states.phase).T)
 
     def _nodal_values(self, x: Array, dofs: Any, row: Any = slice(None)) -> Array:
         """Scalar unknowns `dofs` (...) of the cable from x (n, n_dof), (n, ..., fields); 0 at supports, -1.

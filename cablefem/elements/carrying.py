@@ -28,7 +28,7 @@ def system_after_passage(system: LineElements, passage: Passage, x: State) -> tu
         if name in before:
             for i in (0, 1):
                 z[i][slots] = old[i][before[name]]
-    names = [c.name for c in line.touching]
+    names = [c.name for c in line.contacts_and_wheels]
     for k, name in enumerate(names):
         z.q[new.s[k]], z.v[new.s[k]] = now.s[name], now.ds[name]
         for i in (0, 1):

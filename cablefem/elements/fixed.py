@@ -66,8 +66,8 @@ class FixedElements(CableElements):
             return State(t, zero, zero.copy(), zero.copy(), phase)
         if not self.particle:
             return consistent_acceleration(self, t, state.q, state.v, phase)
-        s_o, _, dds = self.motion.at(t, phase)
-        jump = dds - self.motion.at(t, phase - 1)[2]
+        s_o, _, dds = self.motion.position_with_rates(t, phase)
+        jump = dds - self.motion.position_with_rates(t, phase - 1)[2]
         dofs, N, N_s, _ = self._shape_at(s_o)
         slope_jump = jump * N_s @ state.q[dofs]
         load = np.zeros(self.fields * self.n_scalar)
@@ -149,12 +149,12 @@ class FixedElements(CableElements):
         return self.fields * dofs[keep][:, None] + np.arange(self.fields), N, N_s, N_ss
 
     def _inputs(self, t: Array, phase: int) -> Array:
-        load = self._load_at_mass(*self.motion.kinematics(t.ravel(), phase))
+        load = self._load_at_mass(*self.motion.positions_with_rates(t.ravel(), phase))
         zero = np.zeros(t.size)
         return np.stack([zero + 1.0, zero, zero, *load], axis=1).reshape(*t.shape, -1)
 
     def _contact_at(self, t: float, phase: int) -> Contact:
-        s_o, ds, dds = self.motion.at(t, phase)
+        s_o, ds, dds = self.motion.position_with_rates(t, phase)
         dofs, N, N_s, N_ss = self._shape_at(s_o)
         mu = self.inertia
         convected = 0.0 if self.particle else mu  # a particle's path has them already

@@ -63,7 +63,7 @@ class FollowingElements(CableElements):
         t = self.phases[phase][0]
         if state is not None:
             return consistent_acceleration(self, t, state.q, state.v, phase)
-        s_o, ds, dds = self.motion.at(t, phase)
+        s_o, ds, dds = self.motion.position_with_rates(t, phase)
         if s_o > 0.0:
             return quasi_static_start(self, lambda at: solve_equilibrium(self.with_clamped_car(at)), s_o, ds)
         shape, entrained = self._entry_accelerations_and_inertia()
@@ -125,7 +125,7 @@ class FollowingElements(CableElements):
         return ManySteps(ends[:taken], results[: taken + 1])
 
     def _inputs(self, t: Array, phase: int) -> Array:
-        kinematics = self.motion.kinematics(t.ravel(), phase)
+        kinematics = self.motion.positions_with_rates(t.ravel(), phase)
         if not (kinematics[0].min() > 0.0 and kinematics[0].max() < 1.0):
             raise ValueError("a side of the following mesh has no length at an end of the travel")
         return np.stack([*kinematics, *self._load_at_mass(*kinematics)], axis=1).reshape(*t.shape, -1)

@@ -92,7 +92,7 @@ def inertia_and_damping(eta, w):
 
 def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int) -> Array:
     """The residual (n_dof,) at x, rows q, v, a, assembled by scikit-fem on the mesh of time t."""
-    s_o, ds, dds = system.motion.at(t, phase)
+    s_o, ds, dds = system.motion.position_with_rates(t, phase)
     g = system.groups
     degree = system.reference.degree
     knots = system.reference.knots

@@ -100,7 +100,7 @@ class _Batch:
     def _number_unknowns(self) -> None:
         N = self.basis.N
         h = self.basis.N + np.arange(self.pieces)
-        self.prescribed = np.concatenate([np.column_stack([case.fixed_points, case.fixed_s]) for case in self.cases])
+        self.prescribed = np.concatenate([np.column_stack([case.points_or_nan, case.s_or_nan]) for case in self.cases])
         free = np.isnan(self.prescribed)
         count = int(free.sum())
         self.number = np.full(free.shape, -1)

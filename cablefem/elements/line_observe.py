@@ -156,7 +156,7 @@ def _car_motions(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]
         if i in trolleys:
             out.append(_trolley_motion(x, trolleys[i], data, rows[:, i], powers))
             continue
-        grips, hauled = car.kind == "grip", car.drive.mode == "haul"
+        grips, hauled = car.drive_kind == "grip", car.drive.mode == "haul"
         powers[f"{car.name} friction"] = on.stretch[:, i] * on.friction[:, i] * ds
         powers[f"{car.name} drag"] = on.air_power[:, i]
         point = x.contact_points(k, x.q)
@@ -168,7 +168,7 @@ def _car_motions(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]
             del powers[f"{car.name} friction"], powers[f"{car.name} drag"]
         if hauled:
             powers[f"{car.name} haul"] = on.haul[:, i] * along[:, i]
-        if car.kind == "free":
+        if car.drive_kind == "free":
             powers[f"{car.name} thrust"] = data.thrust[:, i] * along[:, i]
             powers[f"{car.name} hold"] = on.stretch[:, i] * data.hold[:, i] * ds
         tension = [np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.end_forces)]
@@ -223,7 +223,8 @@ def _trolley_motion(x: _History, trolley: Trolley, data: Cars, grip: Array, powe
     tensions = [[np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.end_forces)] for k in pair]
     wheels = tuple(
         WheelMotion(
-            name=system.line.touching[k].name, s=s[:, j], ds=ds[:, j], point=x.contact_points(k, x.q), load=on.loads[j],
+            name=system.line.contacts_and_wheels[k].name, s=s[:, j], ds=ds[:, j],
+            point=x.contact_points(k, x.q), load=on.loads[j],
             tension_behind=tensions[j][0], tension_ahead=tensions[j][1], slope_behind=sides[:, j, 0],
             slope_ahead=sides[:, j, 1],
         )
@@ -233,7 +234,7 @@ def _trolley_motion(x: _History, trolley: Trolley, data: Cars, grip: Array, powe
     centre = x.contact_points(trolley.k, x.q) + np.stack(on.centre, axis=1)
     turning = Turning(angle=angle, rate=rate, acceleration=faster, centre=centre, wheels=wheels)
     none = np.full(n, np.nan)
-    grips, hauled = car.kind == "grip", car.drive.mode == "haul"
+    grips, hauled = car.drive_kind == "grip", car.drive.mode == "haul"
     if grips:
         powers[f"{car.name} grip"] = grip * ds[:, 1]
     else:
@@ -241,7 +242,7 @@ def _trolley_motion(x: _History, trolley: Trolley, data: Cars, grip: Array, powe
         powers[f"{car.name} drag"] = on.drag
     if hauled:
         powers[f"{car.name} haul"] = on.haul
-    if car.kind == "free":
+    if car.drive_kind == "free":
         powers[f"{car.name} thrust"] = on.thrust
         powers[f"{car.name} hold"] = on.hold * ds[:, 1]
     velocity, acceleration = (x.contact_points(trolley.k, z) for z in (x.v, x.a))

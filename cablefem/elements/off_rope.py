@@ -21,7 +21,7 @@ class CarOffRope:
         assert car.rail is not None
         self.line, self.car, self.rail = line, car, car.rail
         self.saddle, self.swing = saddle, swing
-        self.grips = car.kind == "grip"
+        self.grips = car.drive_kind == "grip"
         none = np.zeros(1)
         self.lever, arm, self.inertia, self.resistance = cabin_data(car, line.gravity)
         self.data = Cars(
@@ -32,13 +32,13 @@ class CarOffRope:
     def points(self, t: Array, z: Array, phase: int) -> Array:
         """Its points with their rates (n, 3, 2) at the times t (n,), from coordinates with rates z (3, n, size)."""
         each = zip(t.tolist(), z[..., self.saddle].T, strict=True)
-        return np.array([self.line.point_off_rope(self.car, at, phase, s) for at, s in each])
+        return np.array([self.line.point_with_rates_off_rope(self.car, at, phase, s) for at, s in each])
 
     def forces(self, points: Array, z: Array) -> ForcesOnCars:
         """Forces (n, 1), of which `contact` is what rail and drive take; z : coordinates with rates (3, n, size)."""
         inputs = np.zeros((len(points), 1, INPUTS))
         inputs[:, 0, 0] = inputs[:, 0, 2] = 1.0  # the rail in the place of the rope
-        inputs[:, 0, 1] = inputs[:, 0, 3] = self.rail.slopes(points[:, 0, 0])[1]
+        inputs[:, 0, 1] = inputs[:, 0, 3] = self.rail.depth_with_derivatives(points[:, 0, 0])[1]
         inputs[:, 0, 4:8] = points[:, 1:].reshape(-1, 4)
         if self.swing is not None:
             inputs[:, 0, 9:12] = z[..., self.swing].T
@@ -65,7 +65,7 @@ class CarOffRope:
         stiffness = self.lever * self.line.gravity * np.cos(angle)
         matrix.add([self.swing], [self.swing], np.array([[stiffness * c0 + self.resistance * c1 + self.inertia * c2]]))
         if self.grips:
-            slope = self.rail.slopes(0.5 * (self.rail.begin.x + self.rail.end.x))[1]
+            slope = self.rail.depth_with_derivatives(0.5 * (self.rail.begin.x + self.rail.end.x))[1]
             along = (np.cos(angle) - slope * np.sin(angle)) / np.hypot(1.0, slope)  # of a turn forward
             coupling = np.array([[-self.lever * stretch * along * c2]])
             matrix.add([self.swing], saddle, coupling)

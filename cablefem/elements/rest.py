@@ -12,7 +12,7 @@ from cablefem.elements.segments import Law
 from cablefem.elements.system import Coordinates, LineElements
 from cablefem.newmark import Array, StepFailure
 from cablefem.scene.contacts import Car, Contact, Wheel
-from cablefem.scene.line import Case, NoLineAtRest, Station, needed_tension
+from cablefem.scene.line import Case, NoLineAtRest, Station, needed_counterweight_text
 from cablefem.scene.taut import first_guess
 
 SOFTENING = 8  # stages of EA up to its value
@@ -31,7 +31,7 @@ def coordinates_at_rest(
     free = system.free.copy()
     q = prescribed.q + ahead * prescribed.v
     for i, k in enumerate(system.cars):
-        if system.line.cars[i].kind == "free":
+        if system.line.cars[i].drive_kind == "free":
             free[system.s[k]] = False
             q[system.s[k]] = system.line.cars[i].drive.start
     if start is not None:
@@ -117,11 +117,11 @@ def _set_first_guess(system: LineElements, q: Array, free: NDArray[np.bool_]) ->
     line, rope = system.line, system.line.rope
     x = _guess_x(system, q)
     for _ in range(8):  # guess x from s
-        stations = tuple(_station_of(c, x[k], line.gravity) for k, c in enumerate(line.touching))
-        case = Case(stations, line.weight, rope.EA, length=rope.length)
+        stations = tuple(_station_of(c, x[k], line.gravity) for k, c in enumerate(line.contacts_and_wheels))
+        case = Case(stations, line.weight_per_length, rope.EA, length=rope.length)
         first = first_guess(case)
         if isinstance(first, NoLineAtRest):
-            needed = needed_tension([case], line.solve) if line.solve else ""
+            needed = needed_counterweight_text([case], line.solve) if line.solve else ""
             raise StepFailure(0.0, str(first), needed.removeprefix("; ") or "give more rope or less load")
         H = first.H
         points = first.points
@@ -136,7 +136,7 @@ def _set_first_guess(system: LineElements, q: Array, free: NDArray[np.bool_]) ->
     s = np.where(free[system.s], s, q[system.s])
     q[system.s] = s
     run = np.diff(points, axis=0)
-    sag = line.weight * np.diff(s) * run[:, 0] / (8.0 * H)
+    sag = line.weight_per_length * np.diff(s) * run[:, 0] / (8.0 * H)
     at = np.linspace(0.0, 1.0, system.segments.elements + 1)
     nodal = np.zeros((system.n, 2))
     for k, nodes in enumerate(system.nodes):
@@ -157,7 +157,7 @@ def _set_first_guess(system: LineElements, q: Array, free: NDArray[np.bool_]) ->
 def _station_of(contact: Contact | Car | Wheel, x: float, gravity: float) -> Station:
     if not isinstance(contact, Contact):
         car, share = (contact.car, 0.5) if isinstance(contact, Wheel) else (contact, 1.0)
-        kind = "hauled" if car.kind == "haul_x" else "grips"
+        kind = "hauled" if car.drive_kind == "haul_x" else "grips"
         return Station(contact.name, kind, x, np.nan, share * car.mass * gravity)
     x, y = contact.point
     return Station(contact.name, contact.kind, x, y, contact.force or 0.0, contact.stiffness)
@@ -171,9 +171,9 @@ def _guess_x(system: LineElements, q: Array) -> Array:
     begin = 0.0
     if line.supports[0].kind == "counterweight":
         begin = (line.rope.length or 0.0) - along[-1]
-    x = np.array([c.point[0] if isinstance(c, Contact) else 0.0 for c in line.touching])
+    x = np.array([c.point[0] if isinstance(c, Contact) else 0.0 for c in line.contacts_and_wheels])
     for k, car in zip(system.cars, line.cars, strict=True):
-        if car.kind == "haul_x":
+        if car.drive_kind == "haul_x":
             x[k] = q[system.travel_slot(k)]
         else:
             x[k] = np.interp(q[system.s[k]] - begin, along, points[:, 0])

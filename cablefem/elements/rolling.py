@@ -77,7 +77,7 @@ class RollingElements(RollingCar, FollowingElements):
             return self.state_at_phase_start(state._replace(t=t, phase=phase))
         self.reset()
         if not self.free:
-            s_o, ds, _ = self.motion.at(t, 0)
+            s_o, ds, _ = self.motion.position_with_rates(t, 0)
             return newmark.quasi_static_start(self, self._rest_of_hauled_car, s_o, ds)
         s_o = self.drive.start
         zero = np.zeros(self.n_dof)
@@ -113,11 +113,11 @@ class RollingElements(RollingCar, FollowingElements):
     def _drive_inputs(self, t: Array, phase: int) -> Array:
         """`now` of `kernels.Car` at t, (..., 3)."""
         if not self.free:
-            return np.ascontiguousarray(np.moveaxis(self.motion.kinematics(t, phase), 0, -1))
+            return np.ascontiguousarray(np.moveaxis(self.motion.positions_with_rates(t, phase), 0, -1))
         now = np.zeros((*t.shape, 3))
         drive = self.drive
         if t.min() < drive.release:
-            now[..., 0] = self.hold * np.vectorize(drive.hold_fraction)(t)
+            now[..., 0] = self.hold * np.vectorize(drive.remaining_hold_fraction)(t)
         if drive.thrust_table:
             now[..., 1] = drive.thrust(t, phase)
         return now
@@ -219,7 +219,7 @@ class RollingElements(RollingCar, FollowingElements):
         powers["friction"] = -stretch * drive.mu_r * normal * np.abs(ds)
         if self.free:
             powers["brake"] = -stretch * drive.brake_force(o.s_o) * np.abs(ds)
-            powers["hold"] = self.hold * np.array([drive.hold_fraction(t) for t in states.t]) * ds
+            powers["hold"] = self.hold * np.array([drive.remaining_hold_fraction(t) for t in states.t]) * ds
         powers |= o.powers
         pulled = not self.free or bool(drive.thrust_table)
         return replace(

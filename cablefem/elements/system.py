@@ -25,7 +25,7 @@ from cablefem.elements.segments import Law, Motion, Segments
 from cablefem.elements.trolley import Trolley
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, Solve, State, StepFailure, System, consistent_acceleration
-from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel, lift_off_event, meeting_event
+from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel, lift_off_event_name, meeting_event_name
 from cablefem.shoes import passage_exists_between, possible_passages
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class LineElements(System):
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
         self.line = line
         self.compiled = compiled
-        count = len(line.touching) - 1
+        count = len(line.contacts_and_wheels) - 1
         self.segments = Segments(line.rope, line.gravity, elements, degree)
         self.law = np.array(self.segments.law(count))  # (3, K, G)
         self.phases = line.phases
@@ -83,11 +83,13 @@ class LineElements(System):
         self.band = 2 * degree + 1
         self._unknown = np.flatnonzero(self.free)
         self.n_dof = self._unknown.size
-        self.signs = np.array([line.direction(c, 0) if c.travel else 1.0 for c in line.cars])
+        self.signs = np.array([line.travel_direction(c, 0) if c.travel else 1.0 for c in line.cars])
         self.brakes = np.zeros(len(self.cars))  # [N] that act on free cars
         self.rear_brakes = np.zeros(len(self.cars))  # [N] of them at the rear one of two wheels
         self.hold = np.zeros(len(self.cars))  # [N] f that holds free cars at the start
-        weights = [car.mass * line.gravity for car in line.cars] or [line.weight * line.supports[-1].point[0]]
+        weights = [car.mass * line.gravity for car in line.cars] or [
+            line.weight_per_length * line.supports[-1].point[0]
+        ]
         self.force_scale = min(weights)
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
         self._name_events()
@@ -96,8 +98,12 @@ class LineElements(System):
         """Number the slots of s, forces and bodies, and set what is prescribed."""
         line = self.line
         # contact of each car; of two wheels the front one
-        self.cars = [k for k, c in enumerate(line.touching) if isinstance(c, Car) or (isinstance(c, Wheel) and c.front)]
-        self.supports = [k for k, c in enumerate(line.touching) if isinstance(c, Contact)]
+        self.cars = [
+            k
+            for k, c in enumerate(line.contacts_and_wheels)
+            if isinstance(c, Car) or (isinstance(c, Wheel) and c.front)
+        ]
+        self.supports = [k for k, c in enumerate(line.contacts_and_wheels) if isinstance(c, Contact)]
         self.s = 2 * self.n + np.arange(self.node.size)  # slots of s
         hauled = [k for k, car in zip(self.cars, line.cars, strict=True) if car.drive.mode == "haul"]
         self.force = self.s[-1] + 1 + np.arange(len(hauled))  # slots of F/M
@@ -106,7 +112,7 @@ class LineElements(System):
         self.force_rows = np.array([self.travel_slot(k) for k in hauled], int)  # rows that determine F
         rails = zip(self.node[self.cars].tolist(), line.cars, strict=True)
         self.rails = [(2 * node, car.rail) for node, car in rails if car.rail is not None]  # slots of x
-        saddles = {line.touching[k].name: int(self.s[k]) for k in self.supports}  # slots of s
+        saddles = {line.contacts_and_wheels[k].name: int(self.s[k]) for k in self.supports}  # slots of s
         self.off_rope = {
             car.name: CarOffRope(line, car, saddles[car.rail.saddle], self.swing_off_rope.get(car.name))
             for car in line.over
@@ -115,22 +121,24 @@ class LineElements(System):
         self.free = np.ones(self.size, bool)
         self.constant = np.zeros(self.size)
         self.prescribed: list[tuple[Car, int]] = []
-        for k, contact in enumerate(line.touching):
+        for k, contact in enumerate(line.contacts_and_wheels):
             self._prescribe(k, contact)
 
     def _name_events(self) -> None:
         """Set the events, and what each kind of them watches."""
-        line, contacts = self.line, self.line.touching
+        line, contacts = self.line, self.line.contacts_and_wheels
         self.passages = possible_passages(line)
         self._gaps = [k for k in range(len(contacts) - 1) if self._may_meet(contacts[k], contacts[k + 1])]
-        self._rolls = any(car.kind == "free" for car in line.cars)
-        self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.has_resistance]
+        self._rolls = any(car.drive_kind == "free" for car in line.cars)
+        self._stops = [
+            i for i, car in enumerate(line.cars) if car.drive_kind == "free" and car.drive.has_friction_or_brakes
+        ]
         self._brakes = [(i, position) for i in self._stops for position, _ in line.cars[i].drive.brakes]
         self.events = (
-            *(meeting_event(contacts[k], contacts[k + 1]) for k in self._gaps),
+            *(meeting_event_name(contacts[k], contacts[k + 1]) for k in self._gaps),
             *(f"{line.cars[i].name} stops" for i in self._stops),
             *(f"{line.cars[i].name} brakes" for i, _ in self._brakes),
-            *(lift_off_event(c) for c in contacts if not isinstance(c, Contact)),
+            *(lift_off_event_name(c) for c in contacts if not isinstance(c, Contact)),
             "rope falls slack",
             *(f"rope lifts off {c.name}" for c in line.supports[1:-1]),
             *(f"{line.cars[i].name} breaks loose" for i in self._stops),
@@ -173,7 +181,7 @@ class LineElements(System):
             force = int(self._force_slots[trolley.i])
             trolley.set_slots(first + np.arange(3), force, self.nodes, self.s, self.segments.end_slopes)
             first += 3
-        self.swing_off_rope = {car.name: first + i for i, car in enumerate(line.hung_off_rope)}  # slots of phi
+        self.swing_off_rope = {car.name: first + i for i, car in enumerate(line.swinging_cars_off_rope)}  # slots of phi
         self.size = first + len(self.swing_off_rope)
         self.points = [i for i, car in cars if car.wheels is None]  # numbers of the cars on one contact
         self._cabins = np.array([cabin_data(car, line.gravity) for car in line.cars]).reshape(-1, 4).T
@@ -182,7 +190,7 @@ class LineElements(System):
     def travel_slot(self, k: int) -> int:
         """Slot that the travel of the car at contact k prescribes."""
         i = self.cars.index(k)
-        if self.line.cars[i].kind != "haul_x":
+        if self.line.cars[i].drive_kind != "haul_x":
             return int(self.s[k])
         return next((int(x.body[0]) for x in self.trolleys if x.i == i), 2 * int(self.node[k]))
 
@@ -218,7 +226,7 @@ class LineElements(System):
             out = np.zeros((3, self.size))
             out[0] = self.constant
             for car, slot in self.prescribed:
-                out[:, slot] = self.line.position(car, t, phase)
+                out[:, slot] = self.line.position_with_rates(car, t, phase)
             self._prescribed_cache[t, phase] = out
         return self._prescribed_cache[t, phase]
 
@@ -278,7 +286,7 @@ class LineElements(System):
             y = trolley.force_inputs(x, rows[..., trolley.points.ravel()])
             rows[..., trolley.rows] += np.stack(trolley.forces(cars, y).rows, axis=-1)
         for slot, rail in self.rails:
-            rows[..., slot] += rail.slopes(x.q[..., slot])[1] * rows[..., slot + 1]
+            rows[..., slot] += rail.depth_with_derivatives(x.q[..., slot])[1] * rows[..., slot + 1]
         each, z = rows.reshape(-1, self.size), np.array(x).reshape(3, -1, self.size)
         for car in self.off_rope.values():
             car.add_rows(each, np.ravel(t), z, phase)
@@ -334,7 +342,7 @@ class LineElements(System):
         mass, sign = self._counterweight_mass_and_sign(end, force)
         N = force + sign * mass * dds
         speed = ds * (1.0 + N / EA)
-        entering = self.line.weight * contact.point[1] - 0.5 * self.segments.rho * speed**2
+        entering = self.line.weight_per_length * contact.point[1] - 0.5 * self.segments.rho * speed**2
         return sign * (N + N**2 / (2.0 * EA) + entering)
 
     def slopes_and_motion_at_cars(self, x: Coordinates, m: Motion) -> Array:
@@ -359,7 +367,7 @@ class LineElements(System):
             thrust, released = np.empty((2, *np.shape(t), len(cars)))
             for i, car in enumerate(cars):
                 thrust[..., i] = np.reshape([line.thrust(car, at, phase) for at in times], np.shape(t))
-                released[..., i] = np.reshape([car.drive.hold_fraction(at) for at in times], np.shape(t))
+                released[..., i] = np.reshape([car.drive.remaining_hold_fraction(at) for at in times], np.shape(t))
         k, wind, friction = self._air
         lever, arm, inertia, resistance = self._cabins
         data = Cars(
@@ -399,7 +407,10 @@ class LineElements(System):
         """Set the directions of prescribed cars."""
         self._steady = None
         self.signs = np.array(
-            [self.line.direction(c, phase) if c.travel else x for c, x in zip(self.line.cars, self.signs, strict=True)]
+            [
+                self.line.travel_direction(c, phase) if c.travel else x
+                for c, x in zip(self.line.cars, self.signs, strict=True)
+            ]
         )
 
     def _release(self, t: float, phase: int, x: Coordinates, held: Cars) -> None:
@@ -410,7 +421,7 @@ class LineElements(System):
         stretch = forces(held, inputs).stretch
         self.hold = self.balance_rows(t, x, phase, cars=held)[slots] / stretch
         for i, car in enumerate(self.line.cars):
-            if car.kind == "free":
+            if car.drive_kind == "free":
                 self._set_brakes(i, x.q[slots[i]])
         now = self.car_data(t, phase)
         each = np.abs(self._pressing_forces(x, self.balance_rows(t, x, phase, cars=now), self.loads[0], now))
@@ -421,10 +432,10 @@ class LineElements(System):
         projection = vector_length(inputs[:, 0:2] + inputs[:, 2:4]) / (2.0 * stretch)  # |<r'>|/<lam>
         needed -= now.thrust * np.cos([car.drive.thrust_angle for car in self.line.cars]) / projection
         for i, car in enumerate(self.line.cars):
-            if car.kind != "free":
+            if car.drive_kind != "free":
                 continue
             self.signs[i] = -np.sign(needed[i]) or 1.0
-            if car.drive.has_resistance and abs(needed[i]) <= car.drive.mu_r * loads[i] + self.brakes[i]:
+            if car.drive.has_friction_or_brakes and abs(needed[i]) <= car.drive.mu_r * loads[i] + self.brakes[i]:
                 cause = f"friction or brakes hold {car.name} where it begins"
                 raise StepFailure(t, cause, "begin on steeper rope, or with less of both")
 
@@ -530,8 +541,8 @@ class LineElements(System):
 
     def _goes_on(self, x: State) -> bool:
         """Whether a free car rolls, or a force or a travel is still to change."""
-        rolling = any(car.kind == "free" and not self._sticks(i) for i, car in enumerate(self.line.cars))
-        return rolling or self.line.changes_after(x.t, x.phase)
+        rolling = any(car.drive_kind == "free" and not self._sticks(i) for i, car in enumerate(self.line.cars))
+        return rolling or self.line.travel_or_force_changes_after(x.t, x.phase)
 
     def _come_to_rest(self, i: int, x: State) -> State:
         """Car i sticks, or slips if friction and brakes cannot hold it."""
@@ -650,7 +661,7 @@ class LineElements(System):
         for trolley in self.trolleys:
             trolley.add_tangent(matrix, x, rope[trolley.points.ravel()], cars, c)
         for slot, rail in self.rails:
-            matrix.tie_to_previous(slot + 1, rail.slopes(x.q[slot])[1])
+            matrix.tie_to_previous(slot + 1, rail.depth_with_derivatives(x.q[slot])[1])
         for car in self.off_rope.values():
             car.add_tangent(matrix, x.q[car.swing] if car.swing is not None else 0.0, c)
         for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):

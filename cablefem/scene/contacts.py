@@ -30,7 +30,7 @@ class Travel(Protocol):
     def phases(self) -> tuple[tuple[float, float], ...]:
         """Consecutive [t0, t1]."""
 
-    def at(self, t: float, phase: int) -> tuple[float, float, float]:
+    def position_with_rates(self, t: float, phase: int) -> tuple[float, float, float]:
         """Position, velocity and acceleration, smooth beyond the ends of the phase."""
 
 
@@ -80,13 +80,13 @@ class Car:
     rail: Rail | None = None  # its path while it is on a shoe
 
     @property
-    def kind(self) -> str:
+    def drive_kind(self) -> str:
         """grip, haul, haul_x or free."""
         return "haul_x" if self.along == "x" else self.drive.mode
 
     def station_at(self, x: float, gravity: float) -> Station:
         """The car at rest at x."""
-        return Station(self.name, "grips" if self.kind == "grip" else "hauled", x, math.nan, self.mass * gravity)
+        return Station(self.name, "grips" if self.drive_kind == "grip" else "hauled", x, math.nan, self.mass * gravity)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +101,7 @@ class Wheel:
         return f"{self.car.name}.{'front' if self.front else 'rear'}"
 
 
-def meeting_event(left: Contact | Car | Wheel, right: Contact | Car | Wheel) -> str:
+def meeting_event_name(left: Contact | Car | Wheel, right: Contact | Car | Wheel) -> str:
     """Event of two neighbours, one of them a car, that come within NEAREST."""
     a, b = (x.car.name if isinstance(x, Wheel) else x.name for x in (left, right))
     if isinstance(left, Contact):
@@ -109,7 +109,7 @@ def meeting_event(left: Contact | Car | Wheel, right: Contact | Car | Wheel) -> 
     return f"{a} {'reaches' if isinstance(right, Contact) else 'meets'} {b}"
 
 
-def lift_off_event(touching: Car | Wheel) -> str:
+def lift_off_event_name(touching: Car | Wheel) -> str:
     """Event of a car, or of one of its wheels, that the rope would have to hold down."""
     if isinstance(touching, Wheel):
         return f"{touching.car.name} {'front' if touching.front else 'rear'} wheel lifts off"
@@ -128,16 +128,17 @@ class MovingLine:
     solve: Solver | None = field(default=None, compare=False)  # of lines at rest, where cars run over shoes
 
     @property
-    def weight(self) -> float:
+    def weight_per_length(self) -> float:
         """q = rho g [N/m]."""
         return self.rope.mass_per_length * self.gravity
 
     @cached_property
     def cars(self) -> tuple[Car, ...]:
+        """Cars on the rope."""
         return tuple(c for c in self.contacts if isinstance(c, Car))
 
     @cached_property
-    def touching(self) -> tuple[Contact | Car | Wheel, ...]:
+    def contacts_and_wheels(self) -> tuple[Contact | Car | Wheel, ...]:
         """`contacts`, but of a car on two wheels the rear and the front one."""
         out: list[Contact | Car | Wheel] = []
         for contact in self.contacts:
@@ -163,33 +164,33 @@ class MovingLine:
         }
         return tuple(itertools.pairwise([0.0, *sorted(times), self.t_end]))
 
-    def position(self, car: Car, t: float, phase: int) -> tuple[float, float, float]:
+    def position_with_rates(self, car: Car, t: float, phase: int) -> tuple[float, float, float]:
         """Prescribed position, velocity and acceleration of a car in a phase of the line."""
         assert car.travel is not None
-        i = self._phases_of[car.name][phase]
+        i = self._car_phase_numbers[car.name][phase]
         if i < len(car.travel.phases):
-            return car.travel.at(t, i)
+            return car.travel.position_with_rates(t, i)
         end = car.travel.phases[-1][1]
-        return car.travel.at(end, len(car.travel.phases) - 1)[0], 0.0, 0.0
+        return car.travel.position_with_rates(end, len(car.travel.phases) - 1)[0], 0.0, 0.0
 
-    def point_off_rope(self, car: Car, t: float, phase: int, rope_flow: Array) -> Array:
+    def point_with_rates_off_rope(self, car: Car, t: float, phase: int, rope_flow: Array) -> Array:
         """x and y with their rates (3, 2) of a car in `over`; rope_flow : s at the saddle with its rates (3,)."""
-        position = np.array(self.position(car, t, phase))
+        position = np.array(self.position_with_rates(car, t, phase))
         assert car.rail is not None
         x = position if car.along == "x" else car.rail.x_with_rates(position - rope_flow)
         return np.stack([x, car.rail.y_with_rates(x)], axis=1)
 
-    def changes_after(self, t: float, phase: int) -> bool:
+    def travel_or_force_changes_after(self, t: float, phase: int) -> bool:
         """Whether a travel or a force is still to change."""
         ends = [car.travel.phases[-1][1] for car in (*self.cars, *self.over) if car.travel is not None]
         return phase < len(self.phases) - 1 or t < max(ends, default=0.0)
 
     @property
-    def hung_off_rope(self) -> list[Car]:
+    def swinging_cars_off_rope(self) -> list[Car]:
         """Cars off the rope with a cabin that swings."""
         return [car for car in self.over if car.hanger is not None]
 
-    def direction(self, car: Car, phase: int) -> float:
+    def travel_direction(self, car: Car, phase: int) -> float:
         """1 or -1: the direction of a prescribed travel in a phase.
 
         At a standstill it is that of the next motion; after the last one it stays, and so does the friction.
@@ -198,7 +199,7 @@ class MovingLine:
         earlier = range(phase - 1, -1, -1)
         for i in (*later, *earlier):
             t0, t1 = self.phases[i]
-            moved = self.position(car, t1, i)[0] - self.position(car, t0, i)[0]
+            moved = self.position_with_rates(car, t1, i)[0] - self.position_with_rates(car, t0, i)[0]
             if moved:
                 return math.copysign(1.0, moved)
         return 1.0
@@ -206,11 +207,11 @@ class MovingLine:
     def thrust(self, car: Car, t: float, phase: int) -> float:
         """Thrust [N] of a free car along the mean tangent."""
         last = len(car.drive.phases) - 1  # another car may move for longer
-        own = min(self._phases_of[car.name][phase], last)
+        own = min(self._car_phase_numbers[car.name][phase], last)
         return float(car.drive.thrust(t, own)) if car.drive.thrust_table else 0.0
 
     @cached_property
-    def _phases_of(self) -> dict[str, list[int]]:
+    def _car_phase_numbers(self) -> dict[str, list[int]]:
         """Phase of each car in each phase of the line; after its last one their number."""
         middles = [0.5 * (t0 + t1) for t0, t1 in self.phases]
         return {

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -70,7 +70,7 @@ class Brake(Part):
     )
 
     @property
-    def rear_force(self) -> float:
+    def rear_wheel_force(self) -> float:
         """Force [N] at the rear one of two wheels."""
         return self.force * {"rear": 1.0, "front": 0.0, "both": 0.5}[self.wheel]
 
@@ -134,7 +134,7 @@ class Driving(Part):
             faults += [f"{written[name]}: {why}" for name in ("wind", "air_density") if name in written]
         return faults
 
-    def faults(self, length: float) -> list[str]:
+    def faults_on_cable(self, length: float) -> list[str]:
         """Faults on a cable of this length [m]."""
         if self.mode == "grip":
             return []
@@ -171,12 +171,12 @@ class Driving(Part):
             return list(zip(self.thrust.times, self.thrust.forces, strict=True))
         return [(0.0, self.thrust), (math.inf, self.thrust)] if self.thrust else []
 
-    def scaled(self, length: float, time: float, force: float, rho: float) -> Drive:
-        """The drive of a rolling car in these units of m, s and N."""
-        points = self.thrust_over_time
+    def in_units(self, length: float, time: float, force: float, rho: float) -> Drive:
+        """The drive of a rolling car over these units of m, s, N and kg/m."""
         brakes = sorted((brake.position / length, brake.force / force) for brake in self.brake)
-        thrust = self.thrust if isinstance(self.thrust, Thrust) else None
+        rear_brakes = sorted((brake.position / length, brake.rear_wheel_force / force) for brake in self.brake)
         end_time = math.inf if self.end is None or self.end.time is None else self.end.time
+        angle, thrust_at = self._thrust_angle_and_point
         return Drive(
             mode=self.mode,
             start=self.start_position(length) / length,
@@ -184,22 +184,39 @@ class Driving(Part):
             mu_r=self.rolling_friction,
             k=self.air_density * self.drag_area / (2.0 * rho),
             wind=self.wind * time / length,
-            thrust_table=tuple((t / time, f / force) for t, f in points),
+            thrust_table=tuple((t / time, f / force) for t, f in self.thrust_over_time),
             brakes=tuple(brakes),
             end_time=end_time / time,
             end_position=self.end_position(length) / length,
             rest_speed=self.rest_speed * time / length,
             rest_distance=self.rest_distance / length,
             hitch=self.hitch or (0.0, 0.0),
-            thrust_angle=math.radians(thrust.angle) if thrust else 0.0,
-            thrust_at=(thrust and thrust.at) or (0.0, 0.0),
-            rear_brakes=tuple(sorted((brake.position / length, brake.rear_force / force) for brake in self.brake)),
+            thrust_angle=angle,
+            thrust_at=thrust_at,
+            rear_brakes=tuple(rear_brakes),
         )
+
+    @property
+    def _thrust_angle_and_point(self) -> tuple[float, tuple[float, float]]:
+        """Angle [rad] of the thrust of a car on two wheels, and where it acts."""
+        if not isinstance(self.thrust, Thrust):
+            return 0.0, (0.0, 0.0)
+        return math.radians(self.thrust.angle), self.thrust.at or (0.0, 0.0)
 
     def __str__(self) -> str:
         fields = type(self).model_fields
         words = [f"{name} {value}" for name, value in self if name != "mode" and value != fields[name].default]
         return ", ".join([self.mode, *words])
+
+
+class RollingCarState(NamedTuple):
+    """What bounds the steps of a rolling car."""
+
+    s_o: float
+    speed: float
+    forward: float  # sign of the motion
+    since_jump: float  # time after a jump of force
+    held: bool  # whether a brake or a hold acts
 
 
 @dataclass(frozen=True)
@@ -228,7 +245,7 @@ class Drive:
     departure_directions: tuple[tuple[float, int], ...] = ()
 
     @property
-    def back_position(self) -> float:
+    def rollback_end_position(self) -> float:
         """A run that rolls back is over here."""
         return 0.5 * min(self.start, START)
 
@@ -239,26 +256,26 @@ class Drive:
         inside = sorted(t for t in breaks if 0.0 < t < self.end_time)
         return tuple(zip([0.0, *inside], [*inside, self.end_time], strict=True))
 
-    def thrust(self, t, phase):
+    def thrust(self, t: Any, phase: Any) -> Any:
         """Thrust at t; any shapes."""
         value, slope, t0 = self._thrust_by_phase[:, phase]
         return value + slope * (t - t0)
 
-    def hold_fraction(self, t: float) -> float:
+    def remaining_hold_fraction(self, t: float) -> float:
         """Share of the force that still holds the car: (1 - x)^2 (1 + 2 x), x = t/release."""
         x = t / self.release if self.release > 0.0 else 1.0
         return (1.0 - x) ** 2 * (1.0 + 2.0 * x) if x < 1.0 else 0.0
 
-    def brake_force(self, s_o):
+    def brake_force(self, s_o: Any) -> Any:
         """Force of all brakes that reach s_o; any shape."""
         return sum(force * (s_o >= position) for position, force in self.brakes)
 
-    def rear_brake_force(self, s_o):
-        """Of it the force at the rear one of two wheels."""
+    def rear_brake_force(self, s_o: Any) -> Any:
+        """Of `brake_force` the part at the rear one of two wheels."""
         return sum(force * (s_o >= position) for position, force in self.rear_brakes)
 
     @property
-    def has_resistance(self) -> bool:
+    def has_friction_or_brakes(self) -> bool:
         """Whether friction or a brake acts."""
         return self.mu_r > 0.0 or bool(self.brakes)
 
@@ -278,33 +295,28 @@ class Drive:
         ]
         return any(begin - d <= s_o <= end + d for begin, end in zones)
 
-    def step_fraction(
-        self, axial: float, sigma: float, s_o: float, speed: float, forward: float, since: float, held: bool
-    ) -> float:
+    def step_fraction(self, axial_round_trip: float, sigma: float, car: RollingCarState) -> float:
         """The fraction of a step, 1/1000 of the run, that a rolling car takes at s_o.
 
         A step is at most 1/12 of the time since a jump of force and of that to a support.
         It is at most 1/60 of the transverse round trip ahead.
         It is at most half the time until friction may turn, but there not less than 1/240 of the axial round trip.
-
-        axial : round trip of axial waves. forward : sign of the motion. since : time after a jump of force.
-        held : whether a brake or a hold acts.
         """
         step = self.nominal / 1000.0
-        near = min(s_o, 1.0 - s_o)
-        limits = [(since + axial * near) / 12.0]
-        if speed:
-            limits.append(near / abs(speed) / 12.0)
-        if forward:
-            ahead = s_o if forward < 0.0 else 1.0 - s_o
+        near = min(car.s_o, 1.0 - car.s_o)
+        limits = [(car.since_jump + axial_round_trip * near) / 12.0]
+        if car.speed:
+            limits.append(near / abs(car.speed) / 12.0)
+        if car.forward:
+            ahead = car.s_o if car.forward < 0.0 else 1.0 - car.s_o
             limits.append(2.0 * ahead / 60.0)
-        rings = axial / 240.0
+        rings = axial_round_trip / 240.0
         # friction turns nowhere where the car would set out again in the same direction
-        halts = self.mu_r > 0.0 and forward * self.departure_direction(s_o) <= 0.0
-        if held:
+        halts = self.mu_r > 0.0 and car.forward * self.departure_direction(car.s_o) <= 0.0
+        if car.held:
             limits.append(rings)
         elif halts:
-            limits.append(max(abs(speed) / sigma / 2.0, rings))
+            limits.append(max(abs(car.speed) / sigma / 2.0, rings))
         return min(1.0, min(limits) / step)
 
     @cached_property

@@ -192,12 +192,12 @@ class Case:
     prescribed_tension: tuple[int, float] | None = None  # station and tension [N] that fix an unknown length
 
     @property
-    def fixed_points(self) -> np.ndarray:
+    def points_or_nan(self) -> np.ndarray:
         """Points of the stations (n, 2) [m], nan where unknown."""
         return np.array([[np.nan, np.nan] if p.kind == "spring" else [p.x, p.y] for p in self.stations])
 
     @property
-    def fixed_s(self) -> np.ndarray:
+    def s_or_nan(self) -> np.ndarray:
         """s of the stations (n,) [m], nan where unknown; without a length it starts where no pulley moves."""
         s = np.full(len(self.stations), np.nan)
         left, right = (self.stations[i].kind != "counterweight" for i in (0, -1))
@@ -226,7 +226,7 @@ class LineState:
         return np.stack([np.linalg.norm(self.behind, axis=1), np.linalg.norm(self.ahead, axis=1)], axis=1)
 
     @property
-    def pressure(self) -> np.ndarray:
+    def rope_force_on_stations(self) -> np.ndarray:
         """Force of the rope on the inner stations (n, 2) [N]; nan at the ends."""
         return self.ahead - self.behind
 
@@ -242,7 +242,7 @@ class LineNotConverged(NoLineAtRest):
 Solver = Callable[[Sequence[Case]], "list[LineState | NoLineAtRest]"]
 
 
-def needed_tension(cases: Sequence[Case], solve: Solver) -> str:
+def needed_counterweight_text(cases: Sequence[Case], solve: Solver) -> str:
     """What a counterweight must be for all cases to have a rest, as an end of a sentence; "" where that is unknown.
 
     A rope that hangs from a pulley has no rest below a smallest force: the more it sags, the more its own weight
@@ -294,10 +294,10 @@ class LineRest:
         """Reasons of the positions that have no rest."""
         return {i: x for i, x in enumerate(self.positions) if isinstance(x, NoLineAtRest)}
 
-    def needed_tension(self, solve: Solver) -> str:
-        """What a counterweight must be for all positions to have a rest; see `needed_tension`."""
-        length = self.line.length_at(self.empty)
-        return needed_tension([self.line.case(i, length) for i in self.refused], solve)
+    def needed_counterweight_text(self, solve: Solver) -> str:
+        """What a counterweight must be for all positions to have a rest; see `needed_counterweight_text`."""
+        length = self.line.fixed_end_length(self.empty)
+        return needed_counterweight_text([self.line.case_at_position(i, length) for i in self.refused], solve)
 
 
 class Line(Described):
@@ -324,12 +324,12 @@ class Line(Described):
         faults = _contact_faults(contacts) + [f"name = {x!r}: given twice; names must differ" for x in twice]
         if faults:
             return faults
-        faults = _rope_faults(rope, contacts) + _car_faults(cars, contacts)
+        faults = _length_or_tension_faults(rope, contacts) + _car_faults(cars, contacts)
         faults += [fault for car in cars for fault in missing_wire_faults(rope.wire, car.wheels)]
         return faults + obstacle_faults(self.obstacle or (), contacts[-1].at[0])
 
     @property
-    def count(self) -> int:
+    def position_count(self) -> int:
         """Number of positions of the cars."""
         return max((len(car.x_at_rest) for car in self.car), default=1)
 
@@ -351,14 +351,16 @@ class Line(Described):
 
     place = position_of  # its name in 0.3.0
 
-    def shoe(self, x: float) -> Contact | None:
-        """Saddle on whose shoe a car at x rests."""
+    def saddle_with_shoe_at(self, x: float) -> Contact | None:
+        """Saddle on whose shoe a car at x [m] rests."""
         return next((c for c in self.contact if c.shoe is not None and abs(x - c.at[0]) <= c.shoe), None)
 
-    def case(self, i: int | None, length: float | None, on_rope: tuple[str, float] | None = None) -> Case:
+    def case_at_position(
+        self, i: int | None, length: float | None, car_on_rope: tuple[str, float] | None = None
+    ) -> Case:
         """Position i of the cars; None: empty, at the reference temperature, without ice.
 
-        on_rope : name and x [m] of a car that hangs on the rope there, even within a shoe.
+        car_on_rope : name and x [m] of a car that hangs on the rope there, even within a shoe.
         """
         stations = [Station(c.name, c.kind, *c.at, force=c.tension or 0.0, stiffness=c.stiffness) for c in self.contact]
         rope = self.cable
@@ -368,42 +370,48 @@ class Line(Described):
                 prescribed = [p.name for p in stations].index(rope.tension.at), rope.tension.value
             weight = rope.mass_per_length * self.gravity
             return Case(tuple(stations), weight, rope.EA, length=length, prescribed_tension=prescribed)
-        positions = {car.name: x for car in self.car if self.shoe(x := self.position_of(car, i)) is None}
-        positions |= dict([on_rope] if on_rope else [])
+        positions = {car.name: self.position_of(car, i) for car in self._cars_off_shoes(i)}
+        positions |= dict([car_on_rope] if car_on_rope else [])
         for car in self.car:
             if car.name in positions:
-                stations.append(self._station_of(car, positions[car.name]))
+                stations.append(self._car_station(car, positions[car.name]))
         stations.sort(key=lambda p: p.x)
         weight = (rope.mass_per_length + rope.ice_mass_per_length) * self.gravity
         return Case(tuple(stations), weight, rope.EA, 1.0 + rope.thermal_strain, length)
 
-    def _station_of(self, car: Car, x: float) -> Station:
+    def _car_station(self, car: Car, x: float) -> Station:
         kind = "hauled" if car.hauled else "grips"
         return Station(car.name, kind, x, math.nan, car.mass * self.gravity)
 
-    def _on_shoes(self, positions: Sequence[int]) -> dict[tuple[int, str], Contact]:
+    def _cars_off_shoes(self, i: int) -> list[Car]:
+        """Cars that hang on the rope at position i."""
+        return [car for car in self.car if self.saddle_with_shoe_at(self.position_of(car, i)) is None]
+
+    def _saddles_under_cars(self, positions: Sequence[int]) -> dict[tuple[int, str], Contact]:
         """The saddle by position and car on its shoe."""
-        saddles = {(i, car.name): self.shoe(self.position_of(car, i)) for i in positions for car in self.car}
+        saddles = {
+            (i, car.name): self.saddle_with_shoe_at(self.position_of(car, i)) for i in positions for car in self.car
+        }
         return {key: saddle for key, saddle in saddles.items() if saddle is not None}
 
-    def empty(self, solve: Solver) -> LineState:
+    def solve_empty_line(self, solve: Solver) -> LineState:
         """The line without cars, ice and heat, s from its left end; SceneError where it has no rest."""
-        case = self.case(None, self.cable.length)
-        found = solve([case])[0]
-        if isinstance(found, NoLineAtRest):
-            raise SceneError([f"the empty line: {found}{needed_tension([case], solve)}"])
-        state = _refuse_unsound(found)
+        case = self.case_at_position(None, self.cable.length)
+        result = solve([case])[0]
+        if isinstance(result, NoLineAtRest):
+            raise SceneError([f"the empty line: {result}{needed_counterweight_text([case], solve)}"])
+        state = _refused_if_unsound(result)
         if isinstance(state, NoLineAtRest):
             raise SceneError([f"the empty line: {state}"])
         return replace(state, s=state.s - state.s[0])
 
-    def length_at(self, empty: LineState) -> float | None:
+    def fixed_end_length(self, empty: LineState) -> float | None:
         """s [m] of a fixed right end; None at a counterweight."""
         if self.contact[-1].kind == "counterweight":
             return self.cable.length
         return self.cable.length or float(empty.s[-1])
 
-    def rest(self, solve: Solver, refused: Mapping[int, NoLineAtRest] | None = None) -> LineRest:
+    def solve_at_rest(self, solve: Solver, refused: Mapping[int, NoLineAtRest] | None = None) -> LineRest:
         """Solve all positions; SceneError where the empty line has no rest.
 
         refused : positions that are not tried again, with the reason.
@@ -411,40 +419,39 @@ class Line(Described):
         if self.moves:
             raise SceneError([f"car.{self.car[0].name}: in motion; at must be given for a line at rest"])
         refused = refused or {}
-        empty = self.empty(solve)
-        length = self.length_at(empty)
-        tried = [i for i in range(self.count) if i not in refused]
-        on_shoes = self._on_shoes(tried)
-        cases = [self.case(i, length) for i in tried]
+        empty = self.solve_empty_line(solve)
+        length = self.fixed_end_length(empty)
+        tried = [i for i in range(self.position_count) if i not in refused]
+        on_shoes = self._saddles_under_cars(tried)
+        cases = [self.case_at_position(i, length) for i in tried]
         for (i, name), saddle in on_shoes.items():
             x, reach = saddle.at[0], saddle.shoe or 0.0
-            cases += [self.case(i, length, (name, x - reach)), self.case(i, length, (name, x + reach))]
-        states = list(map(_refuse_unsound, solve(cases) if cases else []))
-        loaded = map(self._with_loads, states, tried)
+            cases += [self.case_at_position(i, length, (name, end)) for end in (x - reach, x + reach)]
+        states = list(map(_refused_if_unsound, solve(cases) if cases else []))
+        loaded = map(self._with_loads_in_reason, states, tried)
         positions = dict(refused) | dict(zip(tried, loaded, strict=True))
         at_ends = states[len(tried) :]
         shoe_ends = dict(zip(on_shoes, zip(at_ends[::2], at_ends[1::2], strict=True), strict=True))
-        sound = _refuse_shoes(positions, on_shoes, shoe_ends)
-        return LineRest(self, empty, [positions[i] for i in range(self.count)], sound)
+        positions |= _refused_on_shoes(positions, on_shoes, shoe_ends)
+        return LineRest(self, empty, [positions[i] for i in range(self.position_count)], _sound_shoe_ends(shoe_ends))
 
-    def _with_loads(self, state: LineState | NoLineAtRest, i: int) -> LineState | NoLineAtRest:
+    def _with_loads_in_reason(self, state: LineState | NoLineAtRest, i: int) -> LineState | NoLineAtRest:
         """Add to a search without result what the rope has to carry at position i, and what holds it."""
         if not isinstance(state, LineNotConverged):
             return state
-        cars = [car for car in self.car if self.shoe(self.position_of(car, i)) is None]
-        weight = sum(car.mass for car in cars) * self.gravity
+        weight = sum(car.mass for car in self._cars_off_shoes(i)) * self.gravity
         weights = [c for c in self.contact if c.tension is not None]
         holds = f"{weights[0].name} holds it with {weights[0].tension:.6g} N" if weights else "both ends are fixed"
         return LineNotConverged(f"{state} with {weight:.6g} N of cars on the rope; {holds}")
 
 
-def _refuse_unsound(state: LineState | NoLineAtRest) -> LineState | NoLineAtRest:
-    """Refuse a state with numbers that are not finite, or whose rope pulls a saddle up."""
+def _refused_if_unsound(state: LineState | NoLineAtRest) -> LineState | NoLineAtRest:
+    """The state, or why it is refused: numbers that are not finite, or a rope that pulls a saddle up."""
     if isinstance(state, NoLineAtRest):
         return state
     if not all(np.isfinite(x).all() for x in (state.s, state.points, state.behind[1:], state.ahead[:-1])):
         return LineNotConverged("no state of rest was found")
-    for p, down in zip(state.case.stations, state.pressure[:, 1], strict=True):
+    for p, down in zip(state.case.stations, state.rope_force_on_stations[:, 1], strict=True):
         if p.kind == "saddle" and not down > 0.0:
             return NoLineAtRest(f"the rope lifts off {p.name}; kept on it, it would pull up with {-down:.6g} N")
     return state
@@ -453,23 +460,30 @@ def _refuse_unsound(state: LineState | NoLineAtRest) -> LineState | NoLineAtRest
 Ends = dict[tuple[int, str], tuple[LineState | NoLineAtRest, LineState | NoLineAtRest]]  # by position and car on a shoe
 
 
-def _refuse_shoes(
-    positions: dict[int, LineState | NoLineAtRest], on_shoes: Mapping[tuple[int, str], Contact], shoe_ends: Ends
-) -> dict[tuple[int, str], tuple[LineState, LineState]]:
-    """Refuse positions with a car that does not come onto its shoe, or with two on one shoe; return the other ends."""
+def _sound_shoe_ends(shoe_ends: Ends) -> dict[tuple[int, str], tuple[LineState, LineState]]:
+    """The shoes with a state of rest at both ends."""
     sound = {}
-    occupied = set()
-    for (i, name), (left, right) in shoe_ends.items():
-        saddle = on_shoes[i, name].name
+    for key, (left, right) in shoe_ends.items():
         if isinstance(left, LineState) and isinstance(right, LineState):
-            sound[i, name] = left, right
-        elif isinstance(positions[i], LineState):
-            why = left if isinstance(left, NoLineAtRest) else right
-            positions[i] = NoLineAtRest(f"{name} does not come onto the shoe of {saddle}: {why}")
-        if (i, saddle) in occupied:
-            positions[i] = NoLineAtRest(f"two cars on the shoe of {saddle}")
-        occupied.add((i, saddle))
+            sound[key] = left, right
     return sound
+
+
+def _refused_on_shoes(
+    positions: Mapping[int, LineState | NoLineAtRest], on_shoes: Mapping[tuple[int, str], Contact], shoe_ends: Ends
+) -> dict[int, NoLineAtRest]:
+    """Reasons of positions with a car that does not come onto its shoe, or with two cars on one shoe."""
+    refused: dict[int, NoLineAtRest] = {}
+    occupied = set()
+    for (i, name), ends in shoe_ends.items():
+        saddle = on_shoes[i, name].name
+        why = next((end for end in ends if isinstance(end, NoLineAtRest)), None)
+        if why is not None and i not in refused and isinstance(positions[i], LineState):
+            refused[i] = NoLineAtRest(f"{name} does not come onto the shoe of {saddle}: {why}")
+        if (i, saddle) in occupied:
+            refused[i] = NoLineAtRest(f"two cars on the shoe of {saddle}")
+        occupied.add((i, saddle))
+    return refused
 
 
 def _contact_faults(contacts: Sequence[Contact]) -> list[str]:
@@ -488,13 +502,13 @@ def _contact_faults(contacts: Sequence[Contact]) -> list[str]:
             faults.append(f"{where}: x must be > {a.at[0]:.6g} m, that of {a.name}")
         elif abs(drop) > STEEPEST * run:
             faults.append(f"{where}: must be less steep than {STEEPEST:g} m per m from {a.name}")
-    faults += _kind_faults([contact.kind for contact in contacts])
+    faults += _end_and_inner_kind_faults([contact.kind for contact in contacts])
     if [c.kind for c in contacts].count("counterweight") > 1:
         faults.append("contact: two counterweights; at most one, or the rope would run from one to the other")
     return faults
 
 
-def _kind_faults(kinds: Sequence[str]) -> list[str]:
+def _end_and_inner_kind_faults(kinds: Sequence[str]) -> list[str]:
     """Faults of ends that are saddles, and of others that are none."""
     faults = []
     for i, kind in enumerate(kinds):
@@ -506,7 +520,8 @@ def _kind_faults(kinds: Sequence[str]) -> list[str]:
     return faults
 
 
-def _rope_faults(rope: LineRope, contacts: Sequence[Contact]) -> list[str]:
+def _length_or_tension_faults(rope: LineRope, contacts: Sequence[Contact]) -> list[str]:
+    """Fault unless the rope has what its contacts leave open: a length, a tension, or neither."""
     present = [name for name in ("length", "tension") if getattr(rope, name) is not None]
     if any(c.kind == "counterweight" for c in contacts):
         return [f"cable.{name}: too much beside a counterweight, which sets the tension" for name in present]
@@ -523,7 +538,7 @@ def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
     placed = [car for car in cars if car.at is not None]
     anywhere = [car.name for car in cars if not (car.moves or car.at)]
     if anywhere:
-        return _passing_faults(anywhere[0], len(cars), contacts)
+        return _faults_of_car_without_position(anywhere[0], len(cars), contacts)
     if moving and placed:
         return [f"car.{moving[0]}: in motion beside cars at rest; all must have at, or none"]
     return _position_faults(placed, contacts)
@@ -537,17 +552,17 @@ def _position_faults(placed: Sequence[Car], contacts: Sequence[Contact]) -> list
         return [f"car.at: {lists}; must be one number or lists of one length"]
     faults = []
     for car in placed:
-        faults += _range_faults(car, contacts)
+        faults += _faults_of_positions_on_line(car, contacts)
     for a, b in itertools.pairwise(placed):
         faults += _order_faults(a, b)
-    return faults + _shoe_faults(contacts)
+    return faults + _overlapping_shoe_faults(contacts)
 
 
-def _passing_faults(name: str, count: int, contacts: Sequence[Contact]) -> list[str]:
+def _faults_of_car_without_position(name: str, car_count: int, contacts: Sequence[Contact]) -> list[str]:
     """Faults of a car without `at`, one of so many: it passes every saddle."""
-    if count > 1:
+    if car_count > 1:
         return [f"car.{name}.at: missing; must be given for each of several cars"]
-    return _missing_shoe_faults(name, contacts[1:-1]) + _shoe_faults(contacts)
+    return _missing_shoe_faults(name, contacts[1:-1]) + _overlapping_shoe_faults(contacts)
 
 
 def _missing_shoe_faults(name: str, passed: Sequence[Contact]) -> list[str]:
@@ -556,7 +571,7 @@ def _missing_shoe_faults(name: str, passed: Sequence[Contact]) -> list[str]:
     return [f"contact.{x}.shoe: missing; must be given where a car passes, here {name}" for x in missing]
 
 
-def _range_faults(car: Car, contacts: Sequence[Contact]) -> list[str]:
+def _faults_of_positions_on_line(car: Car, contacts: Sequence[Contact]) -> list[str]:
     """Faults of positions off the line, and of saddles without shoe that a car passes."""
     low = min(car.x_at_rest)
     high = max(car.x_at_rest)
@@ -576,7 +591,7 @@ def _order_faults(a: Car, b: Car) -> list[str]:
     return []
 
 
-def _shoe_faults(contacts: Sequence[Contact]) -> list[str]:
+def _overlapping_shoe_faults(contacts: Sequence[Contact]) -> list[str]:
     faults = []
     for left, right in itertools.pairwise(contacts):
         if (left.shoe or 0.0) + (right.shoe or 0.0) >= right.at[0] - left.at[0]:

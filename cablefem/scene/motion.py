@@ -6,7 +6,7 @@ import bisect
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ class Piece(NamedTuple):
     c2: float
     c3: float = 0.0
 
-    def __call__(self, t):
+    def __call__(self, t: Any) -> Any:
         """(s_o, ds_o/dt, d2s_o/dt2); also on columns of pieces."""
         x = t - self.origin
         ds = self.c1 + x * (2.0 * self.c2 + 3.0 * x * self.c3)
@@ -37,7 +37,7 @@ class Motion:
     pieces: tuple[tuple[Piece, ...], ...]  # of each phase
     end: float  # s_o at the end of travel
 
-    def at(self, t: float, phase: int) -> tuple[float, float, float]:
+    def position_with_rates(self, t: float, phase: int) -> tuple[float, float, float]:
         """(s_o, ds_o/dt, d2s_o/dt2) by the polynomials of a phase, also beyond its ends."""
         pieces = self.pieces[phase]
         index = bisect.bisect_right(pieces, t, key=lambda piece: piece.start) - 1 if len(pieces) > 1 else 0
@@ -46,8 +46,8 @@ class Motion:
             s = self.end  # without rounding
         return s, ds, dds
 
-    def kinematics(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
-        """Of many instants, as `at`: rows s_o, ds_o, dds_o, (3, n)."""
+    def positions_with_rates(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
+        """Of many instants, as `position_with_rates`: rows s_o, ds_o, dds_o, (3, n)."""
         first, last = self._first_and_last_pieces[:, phase]
         piece = np.minimum(np.maximum(self._piece_index(t), first), last)
         out = np.array(self._piece_columns(piece)(t))
@@ -56,13 +56,13 @@ class Motion:
 
     def balance_times(self, t0: np.ndarray, t1: np.ndarray, w: float, phase: int) -> np.ndarray:
         """Times (n,) of the mean position w s_o(t1) + (1 - w) s_o(t0): a step is balanced there."""
-        first = self.kinematics(t0, phase)[0]
-        last = self.kinematics(t1, phase)[0]
+        first = self.positions_with_rates(t0, phase)[0]
+        last = self.positions_with_rates(t1, phase)[0]
         mean = (1.0 - w) * first + w * last
         t = (1.0 - w) * t0 + w * t1
         same = 1e-9  # error over the distance of a step
         for _ in range(20):  # Newton steps
-            s, ds, _ = self.kinematics(t, phase)
+            s, ds, _ = self.positions_with_rates(t, phase)
             far = (np.abs(mean - s) > same * (last - first)) & (ds > 0.0)
             if not far.any():
                 break
@@ -72,25 +72,25 @@ class Motion:
 
     @property
     def start_position(self) -> float:
-        return self.at(0.0, 0)[0]
+        return self.position_with_rates(0.0, 0)[0]
 
-    def position(self, t) -> np.ndarray:
+    def position(self, t: Any) -> np.ndarray:
         """s_o at t, same shape; constant outside the travel."""
         stop = self.phases[-1][1]
         t = np.clip(np.asarray(t, dtype=float), 0.0, stop)
         return np.where(t == stop, self.end, self._piece_columns(self._piece_index(t))(t)[0])
 
-    def time_at(self, s_o: float) -> float:
+    def time_at_position(self, s_o: float) -> float:
         """When the mass comes to s_o; ValueError if never."""
-        return float(self.times_at(np.array([s_o]))[0])
+        return float(self.times_at_positions(np.array([s_o]))[0])
 
-    def times_at(self, s_o: np.ndarray) -> np.ndarray:
-        """`time_at` of many positions (n,), by bisection to the last bit."""
+    def times_at_positions(self, s_o: np.ndarray) -> np.ndarray:
+        """`time_at_position` of many positions (n,), by bisection to the last bit."""
         outside = s_o[~((self.start_position <= s_o) & (s_o <= self.end))]
         if outside.size:
             travel = f"its travel covers [{self.start_position:g}, {self.end!r}]"
             raise ValueError(f"the mass is never at s_o = {outside.tolist()[0]!r}: {travel}")
-        times = np.append(self._columns[0], self.phases[-1][1])
+        times = np.append(self._piece_table[0], self.phases[-1][1])
         positions = self.position(times)
         k = np.searchsorted(positions, s_o, side="left")
         low = times[np.where(positions[k] == s_o, k, k - 1)]
@@ -109,15 +109,15 @@ class Motion:
         counts = np.array([len(pieces) for pieces in self.pieces])
         return np.stack([np.cumsum(counts) - counts, np.cumsum(counts) - 1])
 
-    def _piece_index(self, t) -> np.ndarray:
-        return np.searchsorted(self._columns[0, 1:], t, side="right")
+    def _piece_index(self, t: Any) -> np.ndarray:
+        return np.searchsorted(self._piece_table[0, 1:], t, side="right")
 
     def _piece_columns(self, index: np.ndarray) -> Piece:
         """The pieces of these numbers, as columns."""
-        return Piece(*self._columns[:, index])
+        return Piece(*self._piece_table[:, index])
 
     @property
-    def speeds(self) -> list[tuple[float, float]]:
+    def speeds_where_extreme(self) -> list[tuple[float, float]]:
         """(t, ds_o/dt) wherever the speed can be extreme."""
         samples = []
         for (_, stop), pieces in zip(self.phases, self.pieces, strict=True):
@@ -134,7 +134,7 @@ class Motion:
     @cached_property
     def top_speed(self) -> float:
         """Largest ds_o/dt."""
-        return max(speed for _, speed in self.speeds)
+        return max(speed for _, speed in self.speeds_where_extreme)
 
     @property
     def standstills(self) -> list[tuple[float, float]]:
@@ -142,29 +142,29 @@ class Motion:
         at_rest = [all(p.c1 == p.c2 == p.c3 == 0.0 for p in pieces) for pieces in self.pieces]
         return list(itertools.compress(self.phases, at_rest))
 
-    def shifted(self, start: float) -> Motion:
-        """The same motion, begun at `start`."""
-        pieces = tuple(tuple(p._replace(c0=p.c0 + start) for p in pieces) for pieces in self.pieces)
-        return Motion(self.phases, pieces, self.end + start)
+    def shifted(self, distance: float) -> Motion:
+        """The same motion, all positions so much farther."""
+        pieces = tuple(tuple(p._replace(c0=p.c0 + distance) for p in pieces) for pieces in self.pieces)
+        return Motion(self.phases, pieces, self.end + distance)
 
-    def with_stop(self, duration: float, acceleration: float) -> Motion:
+    def followed_by_stop(self, duration: float, acceleration: float) -> Motion:
         """The same motion, then with `acceleration` to rest after `duration`; 0: at rest."""
         t = self.phases[-1][1]
-        s, v, _ = self.at(t, len(self.phases) - 1)
+        s, v, _ = self.position_with_rates(t, len(self.phases) - 1)
         end = s if acceleration == 0.0 else s + 0.5 * v * duration
         piece = Piece(t, t + duration, end, 0.0, 0.5 * acceleration)
         return Motion((*self.phases, (t, t + duration)), (*self.pieces, (piece,)), end)
 
-    def until(self, t_end: float) -> Motion:
+    def cut_at(self, t_end: float) -> Motion:
         """The motion up to t_end."""
         if t_end >= self.phases[-1][1]:
             return self
         phases = tuple((t0, min(t1, t_end)) for t0, t1 in self.phases if t0 < t_end)
         pieces = tuple(tuple(p for p in pieces if p.start < t_end) for pieces in self.pieces[: len(phases)])
-        return Motion(phases, pieces, self.at(t_end, len(phases) - 1)[0])
+        return Motion(phases, pieces, self.position_with_rates(t_end, len(phases) - 1)[0])
 
-    def scaled(self, length: float, time: float) -> Motion:
-        """The motion in other units."""
+    def in_units(self, length: float, time: float) -> Motion:
+        """The motion over these units of length and time."""
         units = np.array([time, time, *(length / time**k for k in range(4))])
 
         def scale(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
@@ -174,12 +174,12 @@ class Motion:
         return Motion(phases, tuple(map(scale, self.pieces)), self.end / length)
 
     @cached_property
-    def _columns(self) -> np.ndarray:
+    def _piece_table(self) -> np.ndarray:
         """start, origin, c0, c1, c2, c3 of all pieces: (6, n)."""
         return np.array(list(itertools.chain(*self.pieces))).T
 
 
-def rest_motion(position: float, end: float) -> Motion:
-    """Rest at the position `position` until `end`."""
+def rest_motion(position: float, t_end: float) -> Motion:
+    """Rest at a position until `t_end`."""
     piece = Piece(0.0, 0.0, position, 0.0, 0.0)
-    return Motion(((0.0, end),), ((piece,),), position)
+    return Motion(((0.0, t_end),), ((piece,),), position)

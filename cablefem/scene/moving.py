@@ -25,9 +25,13 @@ class EmptyLine:
     s: Array  # (k,) [m]
     x: Array  # (k,) [m]
 
-    def x_at(self, car: Car, position: float) -> float:
+    def x_of_position(self, car: Car, position: float) -> float:
         """x [m] of a position of a car, about."""
         return position if car.along == "x" else float(np.interp(position, self.s, self.x))
+
+    def end_position(self, car: Car) -> float:
+        """Position [m] of the right end, in what the travel of a car prescribes."""
+        return float((self.x if car.along == "x" else self.s)[-1])
 
 
 def line_in_motion(line: Line, solve: Solver) -> MovingLine:
@@ -35,37 +39,43 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
 
     A hot rope is the same rope with s a times as long, a = 1 + thermal strain.
     """
-    state = line.empty(solve)
+    state = line.solve_empty_line(solve)
     thermal_stretch = 1.0 + line.cable.thermal_strain
-    _raise_faults([*_travel_faults(line.car), *_weight_faults(line, state)])
+    _raise_if_any([*_travel_faults(line.car), *_car_weight_faults(line, state)])
     contacts = [
         Contact(name=c.name, kind=c.kind, point=c.at, stiffness=c.stiffness, force=c.tension, shoe=c.shoe)
         for c in line.contact
     ]
     empty = EmptyLine(state.s * thermal_stretch, np.array([c.point[0] for c in contacts]))
     cars = [_moving_car(car, len(contacts) > 2, thermal_stretch) for car in line.car]
-    _raise_faults([*_range_faults(line.car, cars, empty)])
+    range_faults: list[str] = []
+    for table, car in zip(line.car, cars, strict=True):
+        last = empty.end_position(car)
+        range_faults += [*_travel_range_faults(table, car, last), *_brake_faults(car, last)]
+    _raise_if_any(range_faults)
     positions = {c.name: c.point[0] for c in contacts} | {
-        car.name: empty.x_at(car, _start_position(car)) for car in cars
+        car.name: empty.x_of_position(car, _start_position(car)) for car in cars
     }
     passing = {car.name: _saddles_passed(car, contacts, empty) for car in cars}
-    _raise_faults([*_order_faults(cars, positions), *_saddle_faults(cars, passing, positions)])
+    _raise_if_any([*_order_faults(cars, positions), *_saddle_faults(cars, passing, positions)])
     everything: list[Contact | Car] = [*contacts, *cars]
     moving_line = MovingLine(
         rope=_rope_at_temperature(line, float(empty.s[-1]), thermal_stretch),
         contacts=tuple(sorted(everything, key=lambda c: positions[c.name])),
-        t_end=max(map(_end_position, cars), default=0.0), gravity=line.gravity, solve=solve,
+        t_end=max(map(_end_time, cars), default=0.0), gravity=line.gravity, solve=solve,
     )  # fmt: skip
-    _raise_faults(
-        [*_end_faults(moving_line), *_wheel_faults(moving_line), *_meeting_faults(moving_line, passing, empty)]
-    )
-    _raise_faults(
-        [fault for car in cars for saddle in passing[car.name] for fault in _shoe_faults(moving_line, car, saddle)]
-    )
+    ends_and_wheels = [*_moving_end_faults(moving_line), *_wheel_off_rope_faults(moving_line)]
+    _raise_if_any([*ends_and_wheels, *_meeting_faults(moving_line, passing, empty)])
+    weights: list[str] = []
+    for car in cars:
+        for saddle in passing[car.name]:
+            weights += _too_heavy_for_shoe_faults(moving_line, car, saddle)
+    _raise_if_any(weights)
     return moving_line
 
 
-def _raise_faults(faults: list[str]) -> None:
+def _raise_if_any(faults: list[str]) -> None:
+    """SceneError with these faults, if there are any."""
     if faults:
         raise SceneError(faults)
 
@@ -78,7 +88,7 @@ def _rope_at_temperature(line: Line, length: float, thermal_stretch: float) -> E
     return Elastic(mass_per_length=mass, EA=rope.EA, length=length if fixed else None)
 
 
-def _weight_faults(line: Line, empty: LineState) -> list[str]:
+def _car_weight_faults(line: Line, empty: LineState) -> list[str]:
     """Cars heavier than the smallest tension of the empty line."""
     tensions = np.nanmin(empty.station_tensions, axis=1)
     lowest = int(np.nanargmin(tensions))
@@ -88,24 +98,21 @@ def _weight_faults(line: Line, empty: LineState) -> list[str]:
     return [f"car.{name}.mass: M g = {weight:.6g} N; {must}" for name, weight in weights.items() if weight >= N]
 
 
-def _range_faults(tables: Sequence[CarTable], cars: Sequence[Car], empty: EmptyLine) -> Iterator[str]:
-    """Cars that begin or end within NEAREST of the ends of the rope or beyond; faults of brakes."""
-    for table, car in zip(tables, cars, strict=True):
-        last = float((empty.x if car.along == "x" else empty.s)[-1])
-        must = f"must be from {NEAREST:g} to {last - NEAREST:.6g} m, {NEAREST:g} m within the ends of the "
-        must += "line, in x" if car.along == "x" else "rope"
-        prescribed = {"drive.start": car.drive.start}
-        if table.travel is not None:
-            end = "travel.to" if isinstance(table.travel, Trapezoid) else "travel.positions"
-            prescribed = dict(zip(("travel.from", end), _end_positions(table.travel), strict=True))
-        for name, position in prescribed.items():
-            if not NEAREST <= position <= last - NEAREST:
-                yield f"car.{car.name}.{name}: {position:.6g} m; {must}"
-        yield from _brake_faults(car, last)
+def _travel_range_faults(table: CarTable, car: Car, last: float) -> Iterator[str]:
+    """Faults of a car that begins or ends within NEAREST of the ends of the rope or beyond; last : right end [m]."""
+    must = f"must be from {NEAREST:g} to {last - NEAREST:.6g} m, {NEAREST:g} m within the ends of the "
+    must += "line, in x" if car.along == "x" else "rope"
+    prescribed = {"drive.start": car.drive.start}
+    if table.travel is not None:
+        end = "travel.to" if isinstance(table.travel, Trapezoid) else "travel.positions"
+        prescribed = dict(zip(("travel.from", end), _first_and_last_position(table.travel), strict=True))
+    for name, position in prescribed.items():
+        if not NEAREST <= position <= last - NEAREST:
+            yield f"car.{car.name}.{name}: {position:.6g} m; {must}"
 
 
 def _brake_faults(car: Car, last: float) -> Iterator[str]:
-    """Brakes beyond the end of the rope, or on from the start."""
+    """Faults of brakes beyond the right end of the rope, or on from the start."""
     pushed = any(force > 0.0 for _, force in car.drive.thrust_table)
     for i, (position, _) in enumerate(car.drive.brakes):
         brake = f"car.{car.name}.drive.brake[{i}].from = {position:.6g}"
@@ -116,10 +123,11 @@ def _brake_faults(car: Car, last: float) -> Iterator[str]:
             yield f"{brake}: {begins}; brakes act to the right of it: mirror a line whose car rolls to the left"
 
 
-def _order_faults(cars: Sequence[Car], positions: Mapping[str, float]) -> list[str]:
+def _order_faults(cars: Sequence[Car], start_x: Mapping[str, float]) -> list[str]:
+    """Cars that do not begin at least NEAREST to the right of the one before."""
     faults = []
     for a, b in itertools.pairwise(cars):
-        between = positions[b.name] - positions[a.name]
+        between = start_x[b.name] - start_x[a.name]
         if between < NEAREST:
             where = f"car.{b.name}: begins {between:.4g} m to the right of {a.name}"
             faults.append(f"{where}; must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass")
@@ -131,8 +139,8 @@ def _saddles_passed(car: Car, contacts: Sequence[Contact], empty: EmptyLine) -> 
     if car.travel is None:
         return []
     last = len(car.travel.phases) - 1
-    positions = (_start_position(car), car.travel.at(car.travel.phases[last][1], last)[0])
-    low, high = sorted(empty.x_at(car, position) for position in positions)
+    positions = (_start_position(car), car.travel.position_with_rates(car.travel.phases[last][1], last)[0])
+    low, high = sorted(empty.x_of_position(car, position) for position in positions)
     base = 0.0 if car.wheels is None else car.wheels.base
     return [c for c in contacts[1:-1] if low - base - (c.shoe or 0.0) <= c.point[0] <= high + (c.shoe or 0.0)]
 
@@ -153,7 +161,7 @@ def _saddle_faults(
     return faults
 
 
-def _shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
+def _too_heavy_for_shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
     """Fault of a car that is too heavy for the rope at the ends of a shoe, where all others are off the rope."""
     weight, shoe = car.mass * line.gravity, saddle.shoe or 0.0
     assert line.solve is not None
@@ -164,7 +172,7 @@ def _shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
         ]
         stations.append(car.station_at(x, line.gravity))
         stations.sort(key=lambda p: p.x)
-        state = line.solve([Case(tuple(stations), line.weight, line.rope.EA, length=line.rope.length)])[0]
+        state = line.solve([Case(tuple(stations), line.weight_per_length, line.rope.EA, length=line.rope.length)])[0]
         if isinstance(state, NoLineAtRest):
             yield f"car.{car.name}: does not come onto the shoe of {saddle.name}: {state}"
             return
@@ -175,19 +183,19 @@ def _shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
             return
 
 
-def _end_faults(line: MovingLine) -> Iterator[str]:
+def _moving_end_faults(line: MovingLine) -> Iterator[str]:
     """Cars whose timetable ends in motion, before that of another car."""
     for car in line.cars:
         if car.travel is None:
             continue
         end = car.travel.phases[-1][1]
-        speed = car.travel.at(end, len(car.travel.phases) - 1)[1]
+        speed = car.travel.position_with_rates(end, len(car.travel.phases) - 1)[1]
         if end < line.t_end and abs(speed) > 1e-9:
             must = f"must be 0, for another car moves until {line.t_end:.6g} s"
             yield f"car.{car.name}.travel: {speed:.6g} m/s at its end, {end:.6g} s; {must}"
 
 
-def _wheel_faults(line: MovingLine) -> Iterator[str]:
+def _wheel_off_rope_faults(line: MovingLine) -> Iterator[str]:
     """Cars that begin with a wheel on the platform, where the left end of the rope is fixed."""
     if line.supports[0].kind == "counterweight":
         return
@@ -207,30 +215,30 @@ def _meeting_faults(line: MovingLine, passing: Mapping[str, Sequence[Contact]], 
     for a, b in itertools.combinations(line.cars, 2):
         if a.travel is not None and b.travel is not None:
             shoes = [saddle for saddle in passing[a.name] if saddle in passing[b.name]]
-            yield from itertools.islice(_meetings(line, a, b, shoes, empty), 1)
+            yield from itertools.islice(_faults_of_two_cars(line, a, b, shoes, empty), 1)
 
 
-def _meetings(line: MovingLine, a: Car, b: Car, shoes: Sequence[Contact], empty: EmptyLine) -> Iterator[str]:
+def _faults_of_two_cars(line: MovingLine, a: Car, b: Car, shoes: Sequence[Contact], empty: EmptyLine) -> Iterator[str]:
     """Faults of two cars at all instants; shoes : that both pass."""
     samples = 100  # of timetables, in each phase
     for phase, (t0, t1) in enumerate(line.phases):
         for t in np.linspace(t0, t1, samples).tolist():
-            first, second = (line.position(car, t, phase)[0] for car in (a, b))
-            x = empty.x_at(a, first), empty.x_at(b, second)
+            first, second = (line.position_with_rates(car, t, phase)[0] for car in (a, b))
+            x = empty.x_of_position(a, first), empty.x_of_position(b, second)
             distance = second - first if a.along == b.along else x[1] - x[0]
-            fault = _too_close(a, b, t, distance) or _on_one_shoe(a, b, t, x, shoes)
+            fault = _too_close_fault(a, b, t, distance) or _same_shoe_fault(a, b, t, x, shoes)
             if fault:
                 yield fault
 
 
-def _too_close(a: Car, b: Car, t: float, distance: float) -> str:
+def _too_close_fault(a: Car, b: Car, t: float, distance: float) -> str:
     if distance >= NEAREST:
         return ""
     must = f"must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass"
     return f"car.{b.name}.travel: {distance:.4g} m ahead of {a.name} at t = {t:.4g} s; {must}"
 
 
-def _on_one_shoe(a: Car, b: Car, t: float, x: Sequence[float], shoes: Sequence[Contact]) -> str:
+def _same_shoe_fault(a: Car, b: Car, t: float, x: Sequence[float], shoes: Sequence[Contact]) -> str:
     for saddle in shoes:
         if max(abs(position - saddle.point[0]) for position in x) <= (saddle.shoe or 0.0):
             where = f"on the shoe of {saddle.name} together with {a.name} at t = {t:.4g} s"
@@ -239,26 +247,27 @@ def _on_one_shoe(a: Car, b: Car, t: float, x: Sequence[float], shoes: Sequence[C
 
 
 def _start_position(car: Car) -> float:
-    return car.drive.start if car.travel is None else car.travel.at(0.0, 0)[0]
+    return car.drive.start if car.travel is None else car.travel.position_with_rates(0.0, 0)[0]
 
 
-def _end_position(car: Car) -> float:
+def _end_time(car: Car) -> float:
     return car.drive.end_time if car.travel is None else car.travel.phases[-1][1]
 
 
-def _moving_car(car: CarTable, in_x: bool, thermal_stretch: float) -> Car:
-    drive: Drive = GRIP if car.drive is None else car.drive.scaled(1.0, 1.0, 1.0, 1.0)
-    along: Literal["s", "x"] = "x" if in_x and drive.mode == "haul" else "s"
+def _moving_car(car: CarTable, haul_in_x: bool, thermal_stretch: float) -> Car:
+    """The car of a table; haul_in_x : whether a hauled car has its travel in x."""
+    drive: Drive = GRIP if car.drive is None else car.drive.in_units(1.0, 1.0, 1.0, 1.0)
+    along: Literal["s", "x"] = "x" if haul_in_x and drive.mode == "haul" else "s"
     travel = None
     if car.travel is not None:
         travel = _motion_of_law(car.travel)
-        travel = travel.scaled(1.0 / thermal_stretch, 1.0) if along == "s" else travel
+        travel = travel.in_units(1.0 / thermal_stretch, 1.0) if along == "s" else travel
     wheels = car.wheels if car.wheels is not None and car.wheels.model == "rigid" else None
     return Car(name=car.name, mass=car.mass, hanger=car.hanger, wheels=wheels, drive=drive, travel=travel, along=along)
 
 
-def _end_positions(law: Law) -> tuple[float, float]:
-    """First and last position [m]."""
+def _first_and_last_position(law: Law) -> tuple[float, float]:
+    """[m] of a trapezoid or a table."""
     begin = law.position or 0.0
     if isinstance(law, Trapezoid):
         return begin, law.to or 0.0
@@ -267,9 +276,10 @@ def _end_positions(law: Law) -> tuple[float, float]:
 
 
 def _motion_of_law(law: Law) -> Motion:
-    begin, end = _end_positions(law)
+    """The motion [m] from the first to the last position, to the left, too."""
+    begin, end = _first_and_last_position(law)
     motion = law.motion(abs(end - begin))
-    return (motion.scaled(-1.0, 1.0) if end < begin else motion).shifted(begin)
+    return (motion.in_units(-1.0, 1.0) if end < begin else motion).shifted(begin)
 
 
 def _travel_faults(cars: Sequence[CarTable]) -> Iterator[str]:
@@ -277,27 +287,27 @@ def _travel_faults(cars: Sequence[CarTable]) -> Iterator[str]:
     for car in cars:
         law = car.travel
         if law is None:
-            missing = _missing_of_drive(car.drive)
+            missing = _missing_drive_key(car.drive)
         elif isinstance(law, Trapezoid | Table):
-            missing = _missing_of_travel(law)
+            missing = _missing_travel_key(law)
         else:
             yield f"car.{car.name}.travel.kind = {short_text(law.kind)}: must be trapezoid or table on a line"
             continue
         if missing:
             yield f"car.{car.name}.{missing}: missing; must be given on a line"
         elif law is not None:
-            begin, end = _end_positions(law)
-            if fault := law.fault(abs(end - begin), begin):
+            begin, end = _first_and_last_position(law)
+            if fault := law.fault_on_cable(abs(end - begin), begin):
                 yield f"car.{car.name}.travel.{fault}"
 
 
-def _missing_of_drive(drive: Driving | None) -> str:
+def _missing_drive_key(drive: Driving | None) -> str:
     if drive is None or drive.start is None:
         return "drive.start"
     return "drive.end.time" if drive.end is None or drive.end.time is None else ""
 
 
-def _missing_of_travel(law: Trapezoid | Table) -> str:
+def _missing_travel_key(law: Trapezoid | Table) -> str:
     if law.position is None:
         return "travel.from"
     return "travel.to" if isinstance(law, Trapezoid) and law.to is None else ""

@@ -30,7 +30,7 @@ class Rail:
     s: float = 0.0  # [m] of the car at `begin`, from the saddle
     stretch: float = 1.0
 
-    def slopes(self, x: Any) -> tuple[Any, Any, Any]:
+    def depth_with_derivatives(self, x: Any) -> tuple[Any, Any, Any]:
         """Y, Y' and Y'' at x."""
         (x0, y0, m0, k0), (x1, y1, m1, k1) = self.begin, self.end
         L = x1 - x0
@@ -45,19 +45,20 @@ class Rail:
 
     def y_with_rates(self, x: Any) -> Any:
         """y and its rates (3, ...) of a car at x with its rates (3, ...)."""
-        Y, slope, bend = self.slopes(x[0])
+        Y, slope, bend = self.depth_with_derivatives(x[0])
         return np.array([Y, slope * x[1], slope * x[2] + bend * x[1] ** 2])
 
-    def x_with_rates(self, s: Any) -> Any:
-        """x and its rates (3,) of a car off the rope that grips at s from the saddle, with its rates."""
-        way = self.stretch * (s[0] - self.s)
+    def x_with_rates(self, s_from_saddle: Any) -> Any:
+        """x and its rates (3,) of a car off the rope that grips so far from the saddle, (3,) with its rates."""
+        s, ds, dds = s_from_saddle
+        way = self.stretch * (s - self.s)
         nodes, weights = np.polynomial.legendre.leggauss(12)
         x = self.begin.x + way
         for _ in range(20):  # from an arc length to its x
             half = 0.5 * (x - self.begin.x)
-            arc = half * (weights @ np.hypot(1.0, self.slopes(self.begin.x + half * (1.0 + nodes))[1]))
-            x -= (arc - way) / np.hypot(1.0, self.slopes(x)[1])
-        _, slope, bend = self.slopes(x)
+            arc = half * (weights @ np.hypot(1.0, self.depth_with_derivatives(self.begin.x + half * (1.0 + nodes))[1]))
+            x -= (arc - way) / np.hypot(1.0, self.depth_with_derivatives(x)[1])
+        _, slope, bend = self.depth_with_derivatives(x)
         size = np.hypot(1.0, slope)
-        dx = self.stretch * s[1] / size
-        return np.array([x, dx, (self.stretch * s[2] - dx**2 * slope * bend / size) / size])
+        dx = self.stretch * ds / size
+        return np.array([x, dx, (self.stretch * dds - dx**2 * slope * bend / size) / size])

@@ -37,7 +37,15 @@ class LoadPath:
 
     rest: Rest | None = None
 
-    def __init__(self, s, points, slope, bend, hold, stretch) -> None:
+    def __init__(
+        self,
+        s: np.ndarray,
+        points: np.ndarray,
+        slope: np.ndarray,
+        bend: np.ndarray,
+        hold: np.ndarray,
+        stretch: np.ndarray,
+    ) -> None:
         from scipy.interpolate import CubicHermiteSpline, CubicSpline  # slow to import
 
         self.s = s
@@ -57,7 +65,7 @@ class LoadPath:
         return px, py, bx, by, hold, stretch
 
     @classmethod
-    def loaded(cls, groups: Groups) -> LoadPath:
+    def on_loaded_cable(cls, groups: Groups) -> LoadPath:
         """The elastic catenary of two pieces; groups: mu, alpha, sigma, c."""
         r = gripped_rest(load_path_nodes(groups.sigma), groups)
         path = cls(r.s, r.car_point, r.along, r.bend, r.hold, r.stretch)
@@ -65,7 +73,7 @@ class LoadPath:
         return path
 
     @classmethod
-    def empty(cls, groups: Groups) -> LoadPath:
+    def on_empty_cable(cls, groups: Groups) -> LoadPath:
         """The path along the empty cable's shape."""
         s = load_path_nodes(groups.sigma)
         _, xp, yp, xpp, ypp = groups.tension_and_shape_derivatives(s)
@@ -74,7 +82,7 @@ class LoadPath:
         return cls(s, points, np.stack([xp, yp], -1), np.stack([xpp, ypp], -1), hold, np.ones_like(s))
 
     @classmethod
-    def chord(cls, groups: Groups) -> LoadPath:
+    def on_chord(cls, groups: Groups) -> LoadPath:
         """The path along the straight chord."""
         s = load_path_nodes(groups.sigma)
         slope = np.stack(groups.coordinates(1.0))
@@ -102,9 +110,10 @@ class Ride:
 
     @property
     def duration(self) -> float:
+        """Time at the end of the ride."""
         return self.sections[-1][1] if self.sections else 0.0
 
-    def at(self, t) -> tuple[np.ndarray, np.ndarray]:
+    def position_and_speed(self, t: Any) -> tuple[np.ndarray, np.ndarray]:
         """(s_o, ds_o) at times t."""
         t = np.clip(np.asarray(t, dtype=float), 0.0, self.duration)
         which = np.clip(np.searchsorted([t0 for t0, _, _ in self.sections], t, side="right") - 1, 0, None)
@@ -114,16 +123,17 @@ class Ride:
             out[:, inside] = self.sections[k][2](t[inside])
         return out[0], out[1]
 
-    def speed(self, t) -> np.ndarray:
+    def point_speed(self, t: Any) -> np.ndarray:
         """|P'| |ds_o| at times t."""
-        s, v = self.at(t)
+        s, v = self.position_and_speed(t)
         return np.abs(v) * np.linalg.norm(self.path.points(s, 1), axis=-1)
 
     @cached_property
     def top_speed(self) -> float:
+        """Largest `point_speed`, sampled."""
         if not self.sections:
             return 0.0
-        return float(np.max(self.speed(np.linspace(0.0, self.duration, 2001))))
+        return float(np.max(self.point_speed(np.linspace(0.0, self.duration, 2001))))
 
 
 class ForceBalance(NamedTuple):
@@ -147,7 +157,8 @@ class QuasiStaticForces:
         self.brake_positions = [position for position, _ in drive.brakes]
         self.brake_force = [0.0, *np.cumsum([force for _, force in drive.brakes]).tolist()]
 
-    def at(self, t: float, s: float, v: float, phase: int) -> ForceBalance:
+    def balance(self, t: float, s: float, v: float, phase: int) -> ForceBalance:
+        """Forces on the car at s with the speed v = ds."""
         drive = self.drive
         mu = self.mu
         px, py, bx, by, hold, stretch = self.path(s)
@@ -162,16 +173,16 @@ class QuasiStaticForces:
         fx = mu * (bx * v * v) - drag * rx
         fy = mu * (by * v * v - self.sigma) - drag * ry
         normal = abs(fx * py - fy * px) / p
-        free = along - hold + drive.hold_fraction(t) * self.start_hold - mu * (px * bx + py * by) * v * v
+        free = along - hold + drive.remaining_hold_fraction(t) * self.start_hold - mu * (px * bx + py * by) * v * v
         return ForceBalance(free, normal, mu * p2, stretch)
 
     def excess_force(self, t: float, s: float, phase: int, brakes: int) -> float:
         """Signed force beyond what friction and brakes hold; else 0."""
-        free, normal, _, stretch = self.at(t, s, 0.0, phase)
+        free, normal, _, stretch = self.balance(t, s, 0.0, phase)
         resistance = stretch * (self.drive.mu_r * normal + self.brake_force[brakes]) + STICKS
         return math.copysign(max(0.0, abs(free) - resistance), free)
 
-    def departure(self, t: float, s: float, phase: int, brakes: int) -> tuple[float, int] | None:
+    def departure_time_and_phase(self, t: float, s: float, phase: int, brakes: int) -> tuple[float, int] | None:
         """When and in which phase a car at rest begins to move; None: never."""
         phases = self.drive.phases
         for k in range(phase, len(phases)):
@@ -194,7 +205,7 @@ class QuasiStaticForces:
         """`Drive.departure_directions` by the forces of the last phase."""
         last = len(self.drive.phases) - 1
         t = self.drive.phases[last][0]
-        low = self.drive.back_position
+        low = self.drive.rollback_end_position
         high = self.drive.end_position
         inside = [s for s in (*self.path.s[::8].tolist(), *self.brake_positions) if low < s < high]
         out: list[tuple[float, int]] = []
@@ -221,16 +232,16 @@ class QuasiStaticForces:
 class _RideSolver:
     """The state of a ride while it is computed."""
 
-    def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float) -> None:
+    def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive, max_turns: float) -> None:
         self.path = path
         self.drive = drive
-        self.turns = turns
+        self.turns_left = max_turns
         self.forces = QuasiStaticForces(path, mu, sigma, drive)
         self.t = 0.0
         self.s = drive.start
         self.v = 0.0
         self.phase = 0
-        self.sign = 0.0  # of the motion that friction opposes
+        self.motion_sign = 0.0  # of the motion that friction opposes
         self.brakes = bisect.bisect_right(self.forces.brake_positions, drive.start)  # number reached
         longest = 1e3  # [l sqrt(rho/H)] longest ride
         self.end = min(drive.end_time, longest)
@@ -240,23 +251,23 @@ class _RideSolver:
     def roll_to_end(self) -> Ride:
         """Roll and rest until the ride is over."""
         while self.t < self.end:
-            if self.v == 0.0 and not self._depart():
+            if self.v == 0.0 and not self._rest_until_departure():
                 break
-            if not self._apply_event(self._roll()):
+            if not self._apply_event(self._roll_to_next_event()):
                 break
         return Ride(self.path, tuple(self.events), tuple(self.sections))
 
-    def _log(self, name: str) -> None:
+    def _log_event(self, name: str) -> None:
         px, py, *_ = self.path(self.s)
         self.events.append(Event(name, self.t, self.s, abs(self.v) * math.hypot(px, py)))
 
-    def _depart(self) -> bool:
+    def _rest_until_departure(self) -> bool:
         """Stay at rest until the forces exceed friction; return whether the car moves on."""
         s = self.s
         forces = self.forces
-        departure = forces.departure(self.t, s, self.phase, self.brakes)
+        departure = forces.departure_time_and_phase(self.t, s, self.phase, self.brakes)
         if departure is None:
-            self._log("stop")
+            self._log_event("stop")
             return False
         t, phase = departure
         if t >= self.end:
@@ -266,19 +277,20 @@ class _RideSolver:
         self.t = t
         self.phase = phase
         ahead = (
-            forces.excess_force(self.t, s, self.phase, self.brakes) or forces.at(self.t + 1e-9, s, 0.0, self.phase).free
+            forces.excess_force(self.t, s, self.phase, self.brakes)
+            or forces.balance(self.t + 1e-9, s, 0.0, self.phase).free
         )
-        before = self.sign
-        self.sign = math.copysign(1.0, ahead)
-        if before * self.sign < 0.0:
-            self._log("turn")
-            self.turns -= 1
-        return self.turns > 0
+        before = self.motion_sign
+        self.motion_sign = math.copysign(1.0, ahead)
+        if before * self.motion_sign < 0.0:
+            self._log_event("turn")
+            self.turns_left -= 1
+        return self.turns_left > 0
 
     def _next_brake(self) -> tuple[str, float]:
         """Event and position of the next brake ahead; the car turns at a standstill only."""
         positions = [-math.inf, *self.forces.brake_positions, math.inf]
-        if self.sign > 0.0:
+        if self.motion_sign > 0.0:
             return "brake", positions[self.brakes + 1]
         return "brake off", positions[self.brakes]
 
@@ -294,31 +306,31 @@ class _RideSolver:
             return excess if drive.is_rest_position(y[0]) else max(excess, drive.rest_speed)
 
         watches: dict[str, Any] = {
-            "still": lambda t, y: self.sign * y[1],
+            "still": lambda t, y: self.motion_sign * y[1],
             "arrival": lambda t, y: drive.end_position - y[0],
-            "back": lambda t, y: y[0] - drive.back_position,
+            "back": lambda t, y: y[0] - drive.rollback_end_position,
         }
         if drive.departure_directions and self.phase == len(drive.phases) - 1:
             watches["rest"] = excess_speed
         if math.isfinite(position):
-            watches[brake] = lambda t, y: self.sign * (position - y[0])
+            watches[brake] = lambda t, y: self.motion_sign * (position - y[0])
         for watch in watches.values():
             watch.terminal = True
             watch.direction = -1.0
         return watches
 
-    def _roll(self) -> str | None:
+    def _roll_to_next_event(self) -> str | None:
         """Integrate until the next event or the end of the phase; return the event's name."""
         from scipy.integrate import solve_ivp
 
         phase = self.phase
-        sign = self.sign
+        sign = self.motion_sign
         forces = self.forces
         mu_r = self.drive.mu_r
         braking = forces.brake_force[self.brakes]
 
         def rate(t: float, y: np.ndarray) -> list[float]:
-            free, normal, inertia, stretch = forces.at(t, y[0], y[1], phase)
+            free, normal, inertia, stretch = forces.balance(t, y[0], y[1], phase)
             resistance = stretch * (mu_r * normal + braking)
             return [y[1], (free - sign * resistance) / inertia]
 
@@ -342,7 +354,7 @@ class _RideSolver:
     def _apply_event(self, event: str | None) -> bool:
         """Set the state at an event without rounding; return whether the ride goes on."""
         if event is None:
-            self._next_phase()
+            self._begin_next_phase()
         elif event in ("still", "rest"):
             self.v = 0.0
         elif event == "brake":
@@ -354,33 +366,34 @@ class _RideSolver:
         elif event == "arrival":
             self.s = self.drive.end_position
         else:
-            self.s = self.drive.back_position
+            self.s = self.drive.rollback_end_position
         if event in ("rest", "brake", "arrival", "back"):
-            self._log("stop" if event == "rest" else event)
+            self._log_event("stop" if event == "rest" else event)
         return event not in ("rest", "arrival", "back")
 
-    def _next_phase(self) -> None:
+    def _begin_next_phase(self) -> None:
+        """Count the phase, unless the ride is over, and log why the forces change."""
         if self.t >= self.end:
             return
         table = self.drive.thrust_table
         if table and self.t == table[-1][0]:
-            self._log("thrust_end")
+            self._log_event("thrust_end")
         elif self.t == self.drive.release:
-            self._log("release")
+            self._log_event("release")
         self.phase += 1
 
 
-def roll_ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = math.inf) -> Ride:
-    """Roll until arrival, final rest, `turns` turns, or the end of time."""
-    return _RideSolver(path, mu, sigma, drive, turns).roll_to_end()
+def roll_ride(path: LoadPath, mu: float, sigma: float, drive: Drive, max_turns: float = math.inf) -> Ride:
+    """Roll until arrival, final rest, so many turns, or the end of time."""
+    return _RideSolver(path, mu, sigma, drive, max_turns).roll_to_end()
 
 
-def quasi_static(groups: Groups, drive: Drive) -> tuple[Ride, Drive]:
+def quasi_static_ride_and_drive(groups: Groups, drive: Drive) -> tuple[Ride, Drive]:
     """The ride on the loaded cable, and the drive with `nominal` and `end_time`.
 
     A swinging ride of open end is over at its second turn.
     """
-    path = LoadPath.loaded(groups)
+    path = LoadPath.on_loaded_cable(groups)
     drive = replace(
         drive, departure_directions=QuasiStaticForces(path, groups.mu, groups.sigma, drive).departure_directions()
     )

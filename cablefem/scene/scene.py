@@ -29,7 +29,7 @@ from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import NOT_MODELLED, SceneError
 from cablefem.scene.fields import LARGE, NonNegative, Part, Positive, described_field
 from cablefem.scene.motion import Motion
-from cablefem.scene.ride import Ride, quasi_static
+from cablefem.scene.ride import Ride, quasi_static_ride_and_drive
 from cablefem.scene.statics import NoRest
 from cablefem.scene.surroundings import Ground, Obstacles, obstacle_faults
 from cablefem.scene.travel import Table, Travel
@@ -67,11 +67,13 @@ class Groups:
     drive: Drive = GRIP
     damping: float = 0.0  # c_d: the force on the cable is -c_d times its momentum
 
-    def tension_and_shape_derivatives(self, s) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def tension_and_shape_derivatives(
+        self, s: Any
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """(T, x', y', x'', y'') at s in [0, 1]."""
         return _catenary.tension_and_shape_derivatives(s, self.sigma, self.c)
 
-    def coordinates(self, s) -> tuple[np.ndarray, np.ndarray]:
+    def coordinates(self, s: Any) -> tuple[np.ndarray, np.ndarray]:
         """(x, y) at s in [0, 1]; y down."""
         return _catenary.coordinates(s, self.sigma, self.c)
 
@@ -97,7 +99,7 @@ class Scene(Described):
     def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
         present = [name for name in ("mass", "travel") if written_values.get(name) is not None]
-        faults = [] if self.drive is None else _presence_faults(self.drive.mode, present)
+        faults = [] if self.drive is None else _mass_or_travel_faults(self.drive.mode, present)
         faults += body_faults(None, None, None, self.drive)
         hung = (self.gravity, self.cable, self.supports)
         if None in hung:
@@ -114,7 +116,7 @@ class Scene(Described):
             stretch_fault(self.gravity, self.cable, self.supports),
             overdamping_fault(*self._damping_arguments),
         ]
-        rolling = [f"drive.{fault}" for fault in drive.faults(self.length)]
+        rolling = [f"drive.{fault}" for fault in drive.faults_on_cable(self.length)]
         if self.travel is not None and drive.mode != "free" and not rolling:
             faults.append(_travel_fault(self.travel, drive, self.length, self.axial_speed))
         return faults + rolling
@@ -185,10 +187,10 @@ class Scene(Described):
             mass = mu * scene.rho * scene.length
             fields["mass"] = Mass(mass=mass) if scene.mass is None else scene.mass.model_copy(update={"mass": mass})
         if speed_ratio is not None:
-            fields["travel"] = scene._travel_at(speed_ratio)
+            fields["travel"] = scene._travel_with_speed_ratio(speed_ratio)
         return scene.model_copy(update=fields)
 
-    def _travel_at(self, speed_ratio: float) -> Any:
+    def _travel_with_speed_ratio(self, speed_ratio: float) -> Any:
         """The travel so much faster that it has this speed ratio."""
         if self.travel is None or self.speed_ratio is None:
             why = "a bare cable has no travel, a free ride finds its own"
@@ -328,7 +330,7 @@ class Scene(Described):
         return None if self.top_speed is None else self.top_speed / self.wave_speed
 
     @property
-    def arrival(self) -> float | None:
+    def arrival_time(self) -> float | None:
         """End of the ride [s], of a free car quasi-static; None without a car."""
         if self.ride is not None:
             return self.ride.duration * self.time_scale
@@ -344,40 +346,43 @@ class Scene(Described):
             return motion
         end = self.drive.end_position(self.length)
         if motion.end > end:
-            motion = replace(motion.until(motion.time_at(end)), end=end)
-        return motion if self.drive.end is None else motion.until(self.drive.end.time or math.inf)
+            motion = replace(motion.cut_at(motion.time_at_position(end)), end=end)
+        return motion if self.drive.end is None else motion.cut_at(self.drive.end.time or math.inf)
 
     @property
     def ride(self) -> Ride | None:
         """The quasi-static ride of a free car, dimensionless, or None."""
-        return None if self._free_ride is None else self._free_ride[0]
+        return None if self._free_ride_and_drive is None else self._free_ride_and_drive[0]
 
     @cached_property
-    def _free_ride(self) -> tuple[Ride, Drive] | None:
+    def _free_ride_and_drive(self) -> tuple[Ride, Drive] | None:
         if self.drive.mode != "free":
             return None
         try:
-            return quasi_static(self._groups(None, GRIP), self._drive)
+            return quasi_static_ride_and_drive(self._groups_with(None, GRIP), self._dimensionless_drive)
         except NoRest as error:
             raise SceneError([f"drive.mode = 'free': {error}"]) from None
 
     @property
-    def _drive(self) -> Drive:
-        return self.drive.scaled(self.length, self.time_scale, self.horizontal_tension, self.rho)
+    def _dimensionless_drive(self) -> Drive:
+        """The drive of a car that rolls."""
+        return self.drive.in_units(self.length, self.time_scale, self.horizontal_tension, self.rho)
 
     @cached_property
     def groups(self) -> Groups:
         """The scene in dimensionless form."""
-        motion = None if self._motion is None else self._motion.scaled(self.length, self.time_scale)
-        if self._free_ride is not None:
-            return self._groups(motion, self._free_ride[1])
+        motion = None if self._motion is None else self._motion.in_units(self.length, self.time_scale)
+        if self._free_ride_and_drive is not None:
+            return self._groups_with(motion, self._free_ride_and_drive[1])
         if motion is None or self.drive.mode == "grip":
-            return self._groups(motion, GRIP)
+            return self._groups_with(motion, GRIP)
         end = motion.phases[-1][1]
-        drive = replace(self._drive, start=motion.start_position, end_time=end, end_position=motion.end, nominal=end)
-        return self._groups(motion, drive)
+        drive = replace(
+            self._dimensionless_drive, start=motion.start_position, end_time=end, end_position=motion.end, nominal=end
+        )
+        return self._groups_with(motion, drive)
 
-    def _groups(self, motion: Motion | None, drive: Drive) -> Groups:
+    def _groups_with(self, motion: Motion | None, drive: Drive) -> Groups:
         cos = self.supports.span / self.chord
         sin = self.supports.drop / self.chord
         damping = self.damping * self.time_scale
@@ -397,7 +402,7 @@ class Scene(Described):
         if self.mass is not None:
             how = "rolls freely" if self.travel is None else self.travel.kind
             by = "" if self.ride is None else " (quasi-static)"
-            pace = f"up to {self.top_speed:.4g} m/s, {self.arrival:.4g} s"
+            pace = f"up to {self.top_speed:.4g} m/s, {self.arrival_time:.4g} s"
             lines += [f"  mass    {self.mass.mass:.5g} kg, {how}, {pace}{by}", f"  drive   {self.drive}"]
             groups = f"mu = {self.mu:.4g}, {groups}, V/c = {self.speed_ratio:.3g}"
         return "\n".join([*lines, f"  groups  {groups}"])
@@ -409,7 +414,8 @@ class Scene(Described):
         return f"<pre>{html.escape(str(self))}</pre>"
 
 
-def _presence_faults(mode: str, present: list[str]) -> list[str]:
+def _mass_or_travel_faults(mode: str, present: list[str]) -> list[str]:
+    """Faults of tables [mass] and [travel] that a mode of drive lacks or does not take; present : those written."""
     if mode == "free":
         faults = [] if "mass" in present else ["mass: missing; must be given with drive.mode = 'free'"]
         if "travel" in present:
@@ -423,7 +429,7 @@ def _presence_faults(mode: str, present: list[str]) -> list[str]:
     return []
 
 
-def _travel_fault(travel: Any, drive: Driving, length: float, axial: float) -> str:
+def _travel_fault(travel: Any, drive: Driving, length: float, axial_speed: float) -> str:
     """What is wrong with a travel on a cable with this length [m] and axial wave speed [m/s]; empty if nothing is."""
     begin, distance = _start_and_distance(travel, drive, length)
     near = NEAREST_START * length
@@ -438,12 +444,12 @@ def _travel_fault(travel: Any, drive: Driving, length: float, axial: float) -> s
     farthest = drive.end_position(length) if drive.mode == "haul" else length
     if to is not None and to > farthest:
         return f"travel.to = {to!r}: must be at most {farthest:.6g} m, the end of the ride"
-    if fault := travel.fault(distance, begin, length):
+    if fault := travel.fault_on_cable(distance, begin, length):
         return f"travel.{fault}"
     top = travel.motion(distance).top_speed
-    if top >= axial:
+    if top >= axial_speed:
         waves = "the speed sqrt(EA/rho) of longitudinal waves"
-        return f"travel: reaches {top:.6g} m/s; must stay < {axial:.6g} m/s, {waves}"
+        return f"travel: reaches {top:.6g} m/s; must stay < {axial_speed:.6g} m/s, {waves}"
     return ""
 
 

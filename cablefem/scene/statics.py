@@ -1,11 +1,17 @@
 """The loaded cable at rest, over l and H: two pieces with N = T + alpha eps, T of the empty cable."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cablefem.scene.drive import FARTHEST_END, NEAREST_START
+
+if TYPE_CHECKING:
+    from cablefem.scene.scene import Groups
 
 # nodes of a load path; Gauss points a side, for an error of 3e-8 l; both of each panel
 NODES = 160
@@ -40,15 +46,15 @@ class Rest:
         return 0.5 * (np.linalg.norm(self.slope_behind, axis=1) + np.linalg.norm(self.slope_ahead, axis=1))
 
 
-def _panels(sigma: float) -> int:
-    """Panels of a cable: one up to sag/span 0.8; a deeper one bends more sharply, within 1/sigma of its length."""
+def _panel_count(sigma: float) -> int:
+    """Number of panels: one up to sag/span 0.8; a deeper cable bends more sharply, within 1/sigma of its length."""
     panel = 5.4  # [-] sigma of a panel: by how much y'/x' of the empty cable may change over it
     return math.ceil(sigma / panel)
 
 
 def load_path_nodes(sigma: float, nearest: float | None = None) -> np.ndarray:
     """Positions s of a load path, uniform in log(s/(1 - s)), up to `nearest` of both supports."""
-    nodes = NODES * _panels(sigma)
+    nodes = NODES * _panel_count(sigma)
     if nearest is None:
         y = np.linspace(math.log(0.5 * NEAREST_START), -math.log(0.5 * (1.0 - FARTHEST_END)), nodes)
     else:
@@ -56,23 +62,30 @@ def load_path_nodes(sigma: float, nearest: float | None = None) -> np.ndarray:
     return 1.0 / (1.0 + np.exp(-y))
 
 
-def gripped_rest(s, groups) -> Rest:
-    """The rest of a car that grips."""
+def gripped_rest(s: Any, groups: Groups) -> Rest:
+    """The rest of a car that grips at s (n,)."""
     s = np.atleast_1d(np.asarray(s, dtype=float))
     weight = np.tile([0.0, -groups.mu * groups.sigma], (s.size, 1))
     x = _TwoPieceStatics(s, weight, groups)
     behind, ahead = x.sides
     _, A = x.slope_integrals()
-    z = -_solve(A, behind.slope - ahead.slope)  # d(left)/ds (n, 2)
-    bent = behind.by_s - ahead.by_s + 2.0 * _matrix_times(behind.by_n - ahead.by_n, z) + x.second_derivative(z)
-    zz = -_solve(A, bent)  # d2(left)/ds2 (n, 2)
+    z = -_solve_each(A, behind.slope - ahead.slope)  # d(left)/ds (n, 2)
+    bent = (
+        behind.by_s - ahead.by_s + 2.0 * _multiply_each(behind.by_n - ahead.by_n, z) + x.second_derivative_integral(z)
+    )
+    zz = -_solve_each(A, bent)  # d2(left)/ds2 (n, 2)
     point, B = x.slope_integrals(x.behind)
-    along = behind.slope + _matrix_times(B, z)
-    bend = behind.by_s + 2.0 * _matrix_times(behind.by_n, z) + x.second_derivative(z, x.behind) + _matrix_times(B, zz)
-    return x.results(point, along, bend, np.zeros_like(s))
+    along = behind.slope + _multiply_each(B, z)
+    bend = (
+        behind.by_s
+        + 2.0 * _multiply_each(behind.by_n, z)
+        + x.second_derivative_integral(z, x.behind)
+        + _multiply_each(B, zz)
+    )
+    return x.rest_with_path(point, along, bend, np.zeros_like(s))
 
 
-def hauled_rest(s, groups) -> Rest:
+def hauled_rest(s: Any, groups: Groups) -> Rest:
     """Rest of a car that rolls, hangs on a rope along the mean tangent tau, and is about to move on.
 
     haul = friction - mu sigma tau_y, friction = mu_r mu sigma |tau_x| |<r'>|/<lam>, by iteration.
@@ -102,9 +115,9 @@ def hauled_rest(s, groups) -> Rest:
     point, _ = x.slope_integrals(x.behind)
     if s.size <= 3:
         unknown = np.full((s.size, 2), np.nan)
-        return x.results(point, unknown, unknown, haul)
+        return x.rest_with_path(point, unknown, unknown, haul)
     path = CubicSpline(s, point)
-    return x.results(point, path(s, 1), path(s, 2), haul)
+    return x.rest_with_path(point, path(s, 1), path(s, 2), haul)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +136,7 @@ class _TwoPieceStatics:
     lam/N = q/N + 1/alpha, q = 1 - T/alpha.  Newton steps minimise int (q N + N^2/(2 alpha)) ds - left.(span, drop).
     """
 
-    def __init__(self, s: np.ndarray, jump: np.ndarray, groups, left_force: np.ndarray | None = None) -> None:
+    def __init__(self, s: np.ndarray, jump: np.ndarray, groups: Groups, left_force: np.ndarray | None = None) -> None:
         x, w = _gauss_rule(groups.sigma)
         at = s[:, None]
         rest = 1.0 - at
@@ -143,7 +156,7 @@ class _TwoPieceStatics:
         self.left_force = left_force
         for _ in range(ITERATIONS):
             g, A = self.slope_integrals()
-            dz = _solve(A, ends - g)
+            dz = _solve_each(A, ends - g)
             size = np.linalg.norm(dz, axis=1) / (1.0 + np.linalg.norm(self.left_force, axis=1))
             if np.any(size > 1e-4):  # nearer, full steps are safe
                 dz *= self._step_length(dz, ends, g)[:, None]
@@ -170,7 +183,7 @@ class _TwoPieceStatics:
         self.left_force = start
         return step
 
-    def _car_side(self, n: np.ndarray, groups) -> _Side:
+    def _car_side(self, n: np.ndarray, groups: Groups) -> _Side:
         """The cable at the car, from its force n (n, 2)."""
         dT = -groups.sigma * (groups.c - groups.sigma * self.s) / self.T
         N = np.linalg.norm(n, axis=1)
@@ -181,8 +194,8 @@ class _TwoPieceStatics:
         by_s = -groups.sigma * by_n[:, :, 1] - (dT / self.alpha)[:, None] * e
         return _Side(N, f[:, None] * n, by_n, by_s)
 
-    def results(self, point: np.ndarray, along: np.ndarray, bend: np.ndarray, haul: np.ndarray) -> Rest:
-        """Results of the search, in the form that is returned."""
+    def rest_with_path(self, point: np.ndarray, along: np.ndarray, bend: np.ndarray, haul: np.ndarray) -> Rest:
+        """The state of rest, with P, P', P'' and the haul force."""
         behind, ahead = self.sides
         N0 = behind.N
         N1 = ahead.N
@@ -190,7 +203,7 @@ class _TwoPieceStatics:
         sides = (N0, N1, behind.slope, ahead.slope)
         return Rest(self.s, self.left_force, self.jump, point, *sides, along, bend, hold, haul)
 
-    def slope_integrals(self, points=slice(None)) -> tuple[np.ndarray, np.ndarray]:
+    def slope_integrals(self, points: Any = slice(None)) -> tuple[np.ndarray, np.ndarray]:
         """int r' and int dr'/dn over some points: (n, 2), (n, 2, 2)."""
         nx, ny = self.left_force.T[:, :, None] + self.load[:, :, points]
         w = self.weights[:, points]
@@ -205,7 +218,7 @@ class _TwoPieceStatics:
         yy = (i3 * nx * nx).sum(1) + one
         return g, np.stack([xx, xy, xy, yy], -1).reshape(-1, 2, 2)
 
-    def second_derivative(self, z: np.ndarray, points=slice(None)) -> np.ndarray:
+    def second_derivative_integral(self, z: np.ndarray, points: Any = slice(None)) -> np.ndarray:
         """int d2r'/dn^2 [z, z] over some points: (n, 2)."""
         n = np.moveaxis(self.left_force.T[:, :, None] + self.load[:, :, points], 0, -1)  # (n, points, 2)
         N = np.linalg.norm(n, axis=-1)[..., None]
@@ -222,15 +235,15 @@ def _gauss_rule(sigma: float) -> tuple[np.ndarray, np.ndarray]:
 
     1/N has poles at about 1/sigma from the cable, so that the error is exp(-2 POINTS asinh(2 panels/sigma)).
     """
-    panels = _panels(sigma)
+    panels = _panel_count(sigma)
     x, w = np.polynomial.legendre.leggauss(POINTS)
     starts = np.arange(panels)[:, None]
     return ((starts + 0.5 * (1.0 + x)) / panels).ravel(), np.tile(0.5 * w / panels, panels)
 
 
-def _matrix_times(B: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _multiply_each(B: np.ndarray, y: np.ndarray) -> np.ndarray:
     return (B @ y[..., None])[..., 0]
 
 
-def _solve(A: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _solve_each(A: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.linalg.solve(A, y[..., None])[..., 0]

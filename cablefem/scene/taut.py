@@ -29,8 +29,8 @@ def first_guess(case: Case) -> Start | NoLineAtRest:
     except NoLineAtRest as error:
         return error
     s = np.concatenate([[0.0], np.cumsum(pieces)])
-    if math.isnan(case.fixed_s[0]):
-        s += case.fixed_s[-1] - s[-1]
+    if math.isnan(case.s_or_nan[0]):
+        s += case.s_or_nan[-1] - s[-1]
     return Start(H, points, s)
 
 
@@ -41,7 +41,7 @@ def _taut_guess(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if prescribed is None and case.stations[k].kind == "counterweight":
             prescribed = k, case.stations[k].force
     if prescribed is None:
-        return _guess_of_length(case, float(case.length or 0.0))
+        return _taut_guess_for_length(case, float(case.length or 0.0))
     k, T = prescribed
     try:
         return _string_under_loads(case, T, k)
@@ -49,7 +49,7 @@ def _taut_guess(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         raise NoLineAtRest(f"a tension of {T:.6g} N at {case.stations[k].name} does not carry it") from None
 
 
-def _guess_of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _taut_guess_for_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     def excess(log_T: float) -> float:
         """Length of a catenary with this tension beyond the prescribed one."""
         try:
@@ -74,15 +74,15 @@ def _guess_of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray,
         raise NoLineAtRest(f"{length:.6g} m of rope hang too slack") from None
 
 
-def _string_under_loads(case: Case, T: float, k: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """H, points and lengths of pieces, for tension T at station k or at the mean depth."""
+def _string_under_loads(case: Case, tension: float, station: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """H, points and lengths of pieces, for a tension at that station or at the mean depth."""
     x = np.array([p.x for p in case.stations])
     y = np.array([p.y for p in case.stations])
     cars = np.array([p.is_car for p in case.stations])
     load = np.array([p.force if p.is_car else 0.0 for p in case.stations])
     chord = np.interp(x, x[~cars], y[~cars])
     dx = np.diff(x)
-    N = H = np.full(dx.size, T)
+    N = H = np.full(dx.size, tension)
     depth = chord
     for _ in range(8):  # of tension and depth in turn, at most
         before = N
@@ -92,13 +92,13 @@ def _string_under_loads(case: Case, T: float, k: int | None) -> tuple[np.ndarray
         b = load + 0.5 * _sum_at_stations(w * dx)
         depth = np.where(cars, 0.0, chord)
         depth[cars] = np.linalg.solve(K[np.ix_(cars, cars)], (b - K @ depth)[cars])
-        level = depth.mean() if k is None else depth[k]
+        level = depth.mean() if station is None else depth[station]
         middle = 0.5 * (depth[:-1] + depth[1:])
-        N = T + case.weight * (level - middle - w * dx**2 / (12.0 * H))
+        N = tension + case.weight * (level - middle - w * dx**2 / (12.0 * H))
         if N.min() <= 0.0:
             raise NoLineAtRest("")
         H = N * dx / np.hypot(dx, np.diff(depth))
-        if np.abs(N - before).max() <= WITHIN * T:
+        if np.abs(N - before).max() <= WITHIN * tension:
             break
     arc = np.hypot(dx, np.diff(depth)) + (w / H) ** 2 * dx**3 / 24.0
     return H, np.stack([x, depth], axis=1), arc / (1.0 + N / case.EA) / case.thermal_stretch

@@ -46,12 +46,12 @@ class Law(Part):
     stop: Stop | None = described_field("[-] emergency stop", None)
     rest: NonNegative = described_field("[s] that the run goes on after the mass has come to rest", 0.0)
 
-    def fault(self, distance: float, begin: float = 0.0, length: float = math.inf) -> str:
+    def fault_on_cable(self, distance: float, begin: float = 0.0, length: float = math.inf) -> str:
         """What is wrong with this travel on a cable of this length [m]; empty if nothing is."""
         if fault := self.fields_fault(distance):
             return fault
-        law = self.motion_over(distance)
-        if begin == 0.0 and law.at(0.0, 0)[1:] == (0.0, 0.0):
+        law = self.motion_without_stop(distance)
+        if begin == 0.0 and law.position_with_rates(0.0, 0)[1:] == (0.0, 0.0):
             jerk = getattr(self, "jerk", None)
             return f"jerk = {jerk!r}: not yet from a support; must be let in on the way by from"
         stopped = self._with_stop_braking(law)
@@ -67,7 +67,7 @@ class Law(Part):
 
     def _rest_fault(self, motion: Motion, end: float, length: float) -> str:
         """Fault of a rest after a travel that ends at `end` [m] on a cable of this length [m]."""
-        _, speed, _ = motion.at(motion.phases[-1][1], len(motion.phases) - 1)
+        _, speed, _ = motion.position_with_rates(motion.phases[-1][1], len(motion.phases) - 1)
         if abs(speed) > ROUNDING * motion.top_speed:
             moves = f"the mass still moves with {speed:.4g} m/s at the end of its travel"
             return f"rest = {self.rest!r}: {moves}; must stop"
@@ -81,20 +81,20 @@ class Law(Part):
 
     def motion(self, distance: float, begin: float = 0.0) -> Motion:
         """The travel with its stop and final rest, in SI."""
-        motion = self._with_stop_braking(self.motion_over(distance))
+        motion = self._with_stop_braking(self.motion_without_stop(distance))
         if self.rest:
-            motion = motion.with_stop(self.rest, 0.0)
+            motion = motion.followed_by_stop(self.rest, 0.0)
         return motion.shifted(begin) if begin else motion
 
     def _with_stop_braking(self, motion: Motion) -> Motion:
         if self.stop is None:
             return motion
         a = self.stop.deceleration
-        begun = motion.until(self.stop.time)
-        _, speed, _ = begun.at(self.stop.time, len(begun.phases) - 1)
-        return begun.with_stop(speed / a, -a) if speed > 0.0 else begun
+        begun = motion.cut_at(self.stop.time)
+        _, speed, _ = begun.position_with_rates(self.stop.time, len(begun.phases) - 1)
+        return begun.followed_by_stop(speed / a, -a) if speed > 0.0 else begun
 
-    def motion_over(self, distance: float) -> Motion:
+    def motion_without_stop(self, distance: float) -> Motion:
         """The motion from 0 over a distance [m], in SI."""
         raise NotImplementedError
 
@@ -121,15 +121,15 @@ class ConstantSpeed(Law):
             return f"entry_ramp = {self.entry_ramp!r}: must be < {distance:.6g} m, the length of the ride"
         return ""
 
-    def motion_over(self, distance: float) -> Motion:
+    def motion_without_stop(self, distance: float) -> Motion:
         """The motion from 0 over a distance [m], in SI."""
         V = self.speed
         L = self.entry_ramp
         if L is None:
-            return _one_phase(distance / V, [Piece(0.0, 0.0, 0.0, V, 0.0)], distance)
+            return _one_phase_motion(distance / V, [Piece(0.0, 0.0, 0.0, V, 0.0)], distance)
         T = 1.5 * L / V
         ramp = Piece(0.0, 0.0, 0.0, 0.0, V / T, -V / (3.0 * T * T))
-        return _one_phase(T + (distance - L) / V, [ramp, Piece(T, T, L, V, 0.0)], distance)
+        return _one_phase_motion(T + (distance - L) / V, [ramp, Piece(T, T, L, V, 0.0)], distance)
 
     speed_exponents: ClassVar = {"speed": 1}
 
@@ -153,12 +153,12 @@ class ConstantAcceleration(Law):
             return f"acceleration = {a!r}: must be >= {smallest!r} m/s^2 with initial_speed = {v0!r}, or {stops}"
         return ""
 
-    def motion_over(self, distance: float) -> Motion:
+    def motion_without_stop(self, distance: float) -> Motion:
         """The motion from 0 over a distance [m], in SI."""
         a = self.acceleration
         v0 = self.initial_speed
         v1 = math.sqrt(max(0.0, v0 * v0 + 2.0 * a * distance))
-        return _one_phase(2.0 * distance / (v0 + v1), [Piece(0.0, 0.0, 0.0, v0, 0.5 * a)], distance)
+        return _one_phase_motion(2.0 * distance / (v0 + v1), [Piece(0.0, 0.0, 0.0, v0, 0.5 * a)], distance)
 
     speed_exponents: ClassVar = {"acceleration": 2, "initial_speed": 1}
 
@@ -172,7 +172,7 @@ class AccelerateCruiseBrake(Law):
     )
     top_speed: Positive = described_field("[m/s] V_max")
 
-    def motion_over(self, distance: float) -> Motion:
+    def motion_without_stop(self, distance: float) -> Motion:
         """a = 3 V^2/(2 l), durations 2l/3V, l/3V, 2l/3V."""
         a = 1.5 * self.top_speed**2 / distance
         return _ramped_motion(self.top_speed, (a, a), None, distance)
@@ -200,7 +200,7 @@ class Trapezoid(Law):
     def fields_fault(self, distance: float) -> str:
         return "" if distance > 0.0 else f"to = {self.to!r}: must be beyond the start of the travel"
 
-    def motion_over(self, distance: float) -> Motion:
+    def motion_without_stop(self, distance: float) -> Motion:
         """The motion from 0 over a distance [m], in SI."""
         V = self.top_speed
         ramps = (self.acceleration, self.deceleration)
@@ -215,11 +215,11 @@ class Trapezoid(Law):
     speed_exponents: ClassVar = {"top_speed": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
 
 
-def _one_phase(duration: float, pieces: list[Piece], end: float) -> Motion:
+def _one_phase_motion(duration: float, pieces: list[Piece], end: float) -> Motion:
     return Motion(((0.0, duration),), (tuple(pieces),), end)
 
 
-def _ramp_times(V: float, a: float, jerk: float | None) -> tuple[float, float]:
+def _ramp_change_and_hold_times(V: float, a: float, jerk: float | None) -> tuple[float, float]:
     """Times in which the acceleration changes, and stays, from 0 to V."""
     if jerk is None:
         return 0.0, V / a
@@ -231,14 +231,14 @@ def _ramp_times(V: float, a: float, jerk: float | None) -> tuple[float, float]:
 
 def _ramps_distance(V: float, ramps: tuple[float, float], jerk: float | None) -> float:
     """Distance over which both ramps run."""
-    return sum(0.5 * V * sum(_ramp_times(V, a, jerk)) for a in ramps)
+    return sum(0.5 * V * sum(_ramp_change_and_hold_times(V, a, jerk)) for a in ramps)
 
 
 def _ramped_motion(V: float, ramps: tuple[float, float], jerk: float | None, distance: float) -> Motion:
     """From rest to V, cruise, and to rest, by the largest accelerations of both ramps."""
     steps = []  # duration, acceleration at its start, jerk
     for sign, a in zip((1.0, -1.0), ramps, strict=True):
-        rise, hold = _ramp_times(V, a, jerk)
+        rise, hold = _ramp_change_and_hold_times(V, a, jerk)
         j = sign * (jerk or 0.0)
         peak = sign * a if jerk is None else 0.5 * rise * j
         steps += [(0.5 * rise, 0.0, j), (hold, peak, 0.0), (0.5 * rise, peak, -j)]
@@ -256,7 +256,7 @@ def _ramped_motion(V: float, ramps: tuple[float, float], jerk: float | None, dis
     last = pieces[-1]  # from the end, where speed is exactly zero
     pieces[-1] = Piece(last.start, t, distance, 0.0, 0.0 if jerk else last.c2, last.c3)
     if jerk is not None:
-        return _one_phase(t, pieces, distance)
+        return _one_phase_motion(t, pieces, distance)
     times = [p.start for p in pieces] + [t]
     return Motion(tuple(itertools.pairwise(times)), tuple((p,) for p in pieces), distance)
 
@@ -290,11 +290,11 @@ class Table(Law):
             return f"{last}: must be <= {distance!r}, the length of the cable"
         if self.positions[-1] == 0.0:
             return "positions: the mass never moves; must increase somewhere"
-        motion = self.motion_over(distance)
-        t, slowest = min(motion.speeds, key=lambda sample: sample[1])
+        motion = self.motion_without_stop(distance)
+        t, slowest = min(motion.speeds_where_extreme, key=lambda sample: sample[1])
         if slowest < -1e-12 * motion.top_speed:
             return self._backwards_fault(t)
-        _, ds, dds = motion.at(0.0, 0)
+        _, ds, dds = motion.position_with_rates(0.0, 0)
         if self.position is None and ds == 0.0 and dds * motion.phases[-1][1] <= AT_REST * motion.top_speed:
             return "positions: the mass enters without speed and acceleration; must have one of them at t = 0"
         return ""
@@ -313,7 +313,7 @@ class Table(Law):
             f"{rows}, or equal positions for a standstill"
         )
 
-    def motion_over(self, distance: float) -> Motion:
+    def motion_without_stop(self, distance: float) -> Motion:
         """The motion from 0 over a distance [m], in SI."""
         t = np.array(self.times)
         s = np.array(self.positions)
@@ -329,15 +329,15 @@ class Table(Law):
             if at_rest[i]:
                 pieces.append((Piece(begin, begin, float(s[i]), 0.0, 0.0),))
             else:
-                pieces.append(_spline(t[i : j + 1], s[i : j + 1], rests=(i > 0, j < t.size - 1)))
+                pieces.append(_spline_pieces(t[i : j + 1], s[i : j + 1], rests=(i > 0, j < t.size - 1)))
         return Motion(tuple(phases), tuple(pieces), float(s[-1]))
 
     def faster(self, factor: float) -> Law:
         return super().faster(factor).model_copy(update={"times": tuple(t / factor for t in self.times)})
 
 
-def _spline(t: np.ndarray, s: np.ndarray, rests: tuple[bool, bool]) -> tuple[Piece, ...]:
-    """`rests`: whether the spline must begin and end at rest."""
+def _spline_pieces(t: np.ndarray, s: np.ndarray, rests: tuple[bool, bool]) -> tuple[Piece, ...]:
+    """A spline through s at t; rests : whether it must begin and end at rest."""
     from scipy.interpolate import CubicSpline  # slow to import
 
     slopes = CubicSpline(t, s)(t, 1)

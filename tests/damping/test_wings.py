@@ -36,7 +36,7 @@ def test_damping_is_the_momentum_of_the_cable(model):
     """-c_d times dT/dv of the cable alone, T = int |w.|^2/2 ds, w. at fixed s."""
     x = q, v, a = 0.1 * np.random.default_rng(3).standard_normal((3, 2 * 11))[:, : 22 if model == "full" else 11]
     elements = FollowingElements(STEEP, elements=3, model=model)
-    at = np.array([STEEP.motion.at(0.7, 0)]).T
+    at = np.array([STEEP.motion.position_with_rates(0.7, 0)]).T
 
     def of_elements(v):
         shape = (elements.n_scalar, elements.fields, 1)

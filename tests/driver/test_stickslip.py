@@ -118,7 +118,7 @@ def test_a_block_turns_where_friction_cannot_hold_it_and_comes_back_slower():
     v, s = up * ends, start + 0.5 * up * ends**2
     turn, top = ends + v / (weight + rub), s + 0.5 * v**2 / (weight + rub)
     down = weight - rub
-    back = turn + math.sqrt(2.0 * (top - block.drive.back_position) / down)
+    back = turn + math.sqrt(2.0 * (top - block.drive.rollback_end_position) / down)
     _, found = ride(block)
     assert found["standstill"] == pytest.approx([turn], abs=1e-5)
     assert found["turn"] == pytest.approx([turn], abs=1e-3)

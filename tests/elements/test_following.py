@@ -78,7 +78,9 @@ def energy_defect(o, t):
 
 def jump_defect(system, o, states):
     """rms of [ N t - ds_o^2 r' ] - mu (p.. - sigma j) over its right side, off the entry."""
-    s_o, ds, _ = np.array([system.motion.at(t, p) for t, p in zip(states.t, states.phase, strict=True)]).T
+    s_o, ds, _ = np.array(
+        [system.motion.position_with_rates(t, p) for t, p in zip(states.t, states.phase, strict=True)]
+    ).T
     force = system.inertia * o.path_acceleration - np.array([0.0, system.groups.mu * system.groups.sigma])
 
     def flux(N, slope):

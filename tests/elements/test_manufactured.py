@@ -31,7 +31,7 @@ def chosen(side, xi):
 
 def strong_form(t, side, xi):
     """Return w.. - (N t - T X')' and N t, r' (2, n) of the chosen motion at fixed s."""
-    s_o, ds, dds = G.motion.at(t, 0)
+    s_o, ds, dds = G.motion.position_with_rates(t, 0)
     h, e = (s_o, 1.0) if side == 0 else (1.0 - s_o, -1.0)
     chi = xi if side == 0 else 1.0 - xi
     g, g1, g2 = chosen(side, xi)
@@ -60,7 +60,7 @@ class Forced(FollowingElements):
         return self.known[t]
 
     def _loads(self, t):
-        s_o, ds, dds = self.motion.at(t, 0)
+        s_o, ds, dds = self.motion.position_with_rates(t, 0)
         F = np.zeros((self.n_scalar + 1, 2))  # last row: supports
         ends, ref = [], self.reference
         for side, knots in enumerate(np.split(ref.knots, [self._mesh.n_left + 1])):

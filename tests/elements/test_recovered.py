@@ -34,7 +34,7 @@ def momentum_defect(system, states, sigma):
     near = stack([State(t + x, q + x * v + 0.5 * x * x * a, v + x * a, a) for x in (-dt, 0.0, dt)])
     momentum = []
     for k in range(3):
-        s_o = system.motion.at(near.t[k], 0)[0]
+        s_o = system.motion.position_with_rates(near.t[k], 0)[0]
         s = np.concatenate([np.linspace(0.0, s_o, 4001), np.linspace(s_o + 1e-12, 1.0, 4001)])
         o = observe(system, near, s, [k])
         momentum.append(np.trapezoid(np.stack([o.du[0], o.dv[0]]), s, axis=1))

@@ -32,7 +32,7 @@ def test_residual_is_that_of_the_wrapped_system(kink):
     wrapped = SystemOverPosition(system)
     g, g1, g2 = 0.02 * np.random.default_rng(2).standard_normal((3, system.n_dof))
     t = 1.7
-    s_o, ds_o, dds_o = STEEP.motion.at(t, 1)
+    s_o, ds_o, dds_o = STEEP.motion.position_with_rates(t, 1)
     r = wrapped.residual(s_o, g, g1, g2, 1)
     want = system.residual(t, g, ds_o * g1, ds_o**2 * g2 + dds_o * g1, 1)
     np.testing.assert_allclose(r, want, rtol=0.0, atol=1e-12)
@@ -45,7 +45,7 @@ def test_start_from_rest_tends_to_the_papers():
     """(48), g''(0) = M^-1(0) dF(0)/ds_o / (3 dds_o) with F of (27), is the limit of a balance close to the support."""
     wrapped = SystemOverPosition(GalerkinSystem(INCLINED, Daubechies(4, 1)))
     _, xp, yp, _, _ = INCLINED.tension_and_shape_derivatives(0.0)
-    a, mu, sigma = INCLINED.motion.at(0.0, 0)[2], INCLINED.mu, INCLINED.sigma
+    a, mu, sigma = INCLINED.motion.position_with_rates(0.0, 0)[2], INCLINED.mu, INCLINED.sigma
     basis = wrapped.system.basis.basis
     dF = -mu * np.multiply.outer([a * xp, a * yp - sigma], basis.phi(np.array([0.0]), 1)[0])
     paper = np.linalg.solve(basis.mass_matrix(), dF.T).T.ravel() / (3.0 * a)
@@ -89,7 +89,7 @@ def test_states_in_time():
     wrapped = SystemOverPosition(GalerkinSystem(CRUISE, Fourier(5), kink=True))
     x = travel(wrapped, 60, until=0.5)
     y = wrapped.states_over_time(x)
-    at = [CRUISE.motion.at(t, k) for t, k in zip(y.t, y.phase, strict=True)]
+    at = [CRUISE.motion.position_with_rates(t, k) for t, k in zip(y.t, y.phase, strict=True)]
     s_o, ds_o, dds_o = np.array(at).T
     np.testing.assert_allclose(s_o, x.t, rtol=0.0, atol=1e-14)
     np.testing.assert_allclose(y.v, ds_o[:, None] * x.v, rtol=1e-12, atol=1e-15)

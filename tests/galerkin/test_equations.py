@@ -62,7 +62,7 @@ def static(system, s):
 
 def kinetic_energy(system, t, phase, q, v):
     """1/2 int |w.|^2 ds + 1/2 mu |dp/dt|^2 by quadrature, from (1)."""
-    s_o, ds_o, _ = system.motion.at(t, phase)
+    s_o, ds_o, _ = system.motion.position_with_rates(t, phase)
     s, w = halves(s_o)
     Q, V = q.reshape(system.fields, -1), v.reshape(system.fields, -1)
     phi, _, rate = shapes(system, s, s_o)
@@ -97,7 +97,7 @@ def lagrange(system, t, phase, q, v, a):
 
 def inertia_terms(system, t, phase, q, v, a):
     """The residual without internal force and weight."""
-    s_o = system.motion.at(t, phase)[0]
+    s_o = system.motion.position_with_rates(t, phase)[0]
     weight = np.multiply.outer(system.mu * system.cable.weight, system.basis.inertia_terms(s_o, 0.0, 0.0).f)
     tables = system.instant(t, phase).tables
     internal = system.cable.internal_force_and_tensions(tables, q_of(system, q))[0]
@@ -173,7 +173,7 @@ def printed_force(system, s_o, q):
 def test_internal_force_is_the_printed_one(law, kink):
     """Gravity, -sigma phi in (26), is what the static part integrates to: subtracting that part changes nothing."""
     system = GalerkinSystem(STEEP, Fourier(6), kink=kink, law=law)
-    q, (s_o, _, _) = random_state(system, 3, 2e-3 if law == "elastic" else 1e-2)[0], MOTION.at(0.9, 0)
+    q, (s_o, _, _) = random_state(system, 3, 2e-3 if law == "elastic" else 1e-2)[0], MOTION.position_with_rates(0.9, 0)
     place = system.instant(0.9, 0).tables
     force, pull = system.cable.internal_force_and_tensions(place, q_of(system, q))
     # slack in part of the cable: N has kinks that no rule resolves, hence per mille of the largest force
@@ -200,7 +200,7 @@ def test_a_straight_cable_bends_at_the_hat_alone():
     """Patch: without gravity a hat is two straight pieces of uniform strain, and only the mass feels a force."""
     flat = replace(Scene.load("level").groups, sigma=1e-300, c=0.0, alpha=57.0, motion=MOTION)
     system = GalerkinSystem(flat, Fourier(5), kink=True)
-    s_o, _, _ = MOTION.at(0.8, 0)
+    s_o, _, _ = MOTION.position_with_rates(0.8, 0)
     Q = np.zeros((2, system.n))
     Q[:, -1] = 0.07, 0.11
     force = system.cable.internal_force_and_tensions(system.instant(0.8, 0).tables, Q)[0]
@@ -219,7 +219,7 @@ def test_a_straight_cable_bends_at_the_hat_alone():
 def test_one_field_force_by_quadrature(model, kink):
     """tau w' + h (y_n' + kap w') against phi' with h from its integral, instead of the closed forms."""
     system = GalerkinSystem(STEEP, Fourier(6), kink=kink, model=model)
-    q, (s_o, _, _) = random_state(system, 4)[0], MOTION.at(0.9, 0)
+    q, (s_o, _, _) = random_state(system, 4)[0], MOTION.position_with_rates(0.9, 0)
     s, w = halves(s_o)
     slope, kap, tau = shapes(system, s, s_o)[1], float(model == "stretching"), 1.0 / STEEP.chord_cos
     w_s, y_s = slope @ q, static(system, s)[1][0]

@@ -14,7 +14,7 @@ def test_the_jump_law_is_the_hats_own_equation():
     system = GalerkinSystem(INCLINED, Fourier(10), kink=True)
     states, s_o = march(system, 200, until=0.5)
     x = observe(system, states)
-    ds_o = np.array([system.motion.at(t, 0)[1] for t in states.t])[:, None]
+    ds_o = np.array([system.motion.position_with_rates(t, 0)[1] for t in states.t])[:, None]
     force = system.mu * INCLINED.sigma
 
     def defect(T_behind, T_ahead):

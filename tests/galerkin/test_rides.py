@@ -39,7 +39,7 @@ def ride(groups, basis, steps, method="generalized-alpha", many_steps=True):
 # --- the equations -------------------------------------------------------------------------------------------------
 def test_rows_of_the_cable_are_those_of_a_mass_that_grips():
     """The cable's equations do not depend on what moves the car; an outside force enters at the car."""
-    s_o, ds_o, dds_o = STEEP.motion.at(0.9, 0)
+    s_o, ds_o, dds_o = STEEP.motion.position_with_rates(0.9, 0)
     free = RollingSystem(replace(DAMPED, drive=Drive(mode="free", start=0.4)), Fourier(4), kink=True)
     grips = GalerkinSystem(DAMPED, Fourier(4), kink=True)
     q, v, a = (np.append(y, z) for y, z in zip(random_state(grips, 3), (s_o, ds_o, dds_o), strict=True))

@@ -61,7 +61,9 @@ def balances(system, steps, *, power=1.0, until=0.69):
     x = observe(system, states)
     work = cumulative_trapezoid(x.power, states.t, initial=0.0)
     energy = np.abs(x.energy - x.energy[0] - power * work).max() / np.ptp(x.energy)
-    ds_o = np.array([system.motion.at(t, k)[1] for t, k in zip(states.t, states.phase, strict=True)])[:, None]
+    ds_o = np.array([system.motion.position_with_rates(t, k)[1] for t, k in zip(states.t, states.phase, strict=True)])[
+        :, None
+    ]
 
     def flux(slope, T):
         return T[:, None] * slope / np.hypot(*slope.T)[:, None] - ds_o**2 * slope

@@ -34,7 +34,7 @@ def disagreements(rows):
 @pytest.mark.parametrize("solve", [catenary_line.solve, elements.solve], ids=["catenaries", "elements"])
 def test_laws_hold_on_sound_answers(name, weather, solve):
     sound = with_rope(LINES[name], **weather)
-    assert not disagreements(check_statics(sound.to_toml(), sound.rest(solve)))
+    assert not disagreements(check_statics(sound.to_toml(), sound.solve_at_rest(solve)))
 
 
 @pytest.mark.parametrize(
@@ -55,12 +55,14 @@ def test_laws_hold_on_sound_answers(name, weather, solve):
     ],
 )  # fmt: skip
 def test_laws_see_an_answer_to_another_line(sound, changes, law):
-    assert law in disagreements(check_statics(sound.to_toml(), sound.replace(changes).rest(catenary_line.solve)))
+    assert law in disagreements(
+        check_statics(sound.to_toml(), sound.replace(changes).solve_at_rest(catenary_line.solve))
+    )
 
 
 def test_laws_see_forces_that_saddles_and_cars_cannot_give():
     sound = line(*THREE)
-    rest = sound.rest(catenary_line.solve)
+    rest = sound.solve_at_rest(catenary_line.solve)
     state = rest.positions[0]
     slipping = replace(state, ahead=state.ahead * np.array([1.0, 1.0, 1.0 + 1e-6, 1.0, 1.0, 1.0])[:, None])
     lifted = replace(state, ahead=np.where(np.arange(6)[:, None] == 2, state.ahead - [0.0, 2e5], state.ahead))
@@ -167,7 +169,7 @@ def test_a_column_without_second_computation_is_seen(tmp_path):
 
 def test_a_wrong_state_writes_no_nan_and_breaks_laws(tmp_path):
     sound = line(*THREE)
-    rest = sound.rest(catenary_line.solve)
+    rest = sound.solve_at_rest(catenary_line.solve)
     state = rest.positions[0]
     wrong = replace(rest, positions=[replace(state, s=state.s[::-1])])
     answer_line(sound, rest=wrong).write(tmp_path, 1.0)

@@ -25,7 +25,7 @@ def solve(request):
 
 
 def one(given, solve) -> LineState:
-    (state,) = line(*given).rest(solve).positions
+    (state,) = line(*given).solve_at_rest(solve).positions
     assert isinstance(state, LineState), state
     return state
 
@@ -45,7 +45,7 @@ def test_spring_instead_of_the_anchor(solve):
 
 
 def test_seilaplan(solve):
-    rest = Line.load("skyline").rest(solve)
+    rest = Line.load("skyline").solve_at_rest(solve)
     assert rest.empty.s[-1] == pytest.approx(330.908794, abs=1e-6)
     sag = [3.36, 4.46, 6.24, 5.21, 3.82, 2.61]
     for i, state in enumerate(rest.positions):
@@ -67,7 +67,7 @@ HOT = "temperature = 35.0\nreference_temperature = 10.0\nexpansion = 1.2e-5\nice
 
 
 def test_heat_lengthens_and_ice_weighs():
-    rest = changed(THREE, HOT).rest(catenary_line.solve)
+    rest = changed(THREE, HOT).solve_at_rest(catenary_line.solve)
     case = rest.positions[0].case
     assert case.thermal_stretch == pytest.approx(1.0 + 25.0 * 1.2e-5)
     assert case.weight == pytest.approx((9.0 + 1.3) * 9.81)
@@ -75,7 +75,7 @@ def test_heat_lengthens_and_ice_weighs():
 
 
 def test_elements_converge_with_order_eight_at_their_ends():
-    cases = [line(*ASTER).case(0, 220.0)]
+    cases = [line(*ASTER).case_at_position(0, 220.0)]
     (exact,) = catenary_line.solve(cases)
     coarse, finer = (np.abs(elements.solve(cases, n)[0].s - exact.s).max() for n in (2, 4))
     assert coarse < 1e-6
@@ -84,7 +84,7 @@ def test_elements_converge_with_order_eight_at_their_ends():
 
 def test_a_rope_that_leaves_over_the_pulley_takes_the_energy_of_its_weight_along():
     """Forgotten, the elements' tension at a counterweight 150 m up is G + q y instead of G, 2.7 percent off."""
-    case = line(*WEIGHED).case(0, None)
+    case = line(*WEIGHED).case_at_position(0, None)
     forgotten = replace(case.stations[-1], force=5e5 + case.weight * case.stations[-1].y)
     state, right = elements.solve([replace(case, stations=(*case.stations[:-1], forgotten)), case])
     assert right.station_tensions[-1, 0] == pytest.approx(5e5, rel=1e-11)
@@ -101,7 +101,7 @@ def test_a_rope_that_leaves_over_the_pulley_takes_the_energy_of_its_weight_along
 )
 def test_empty_line_without_rest(solve, given, says):
     with pytest.raises(SceneError, match=says):
-        line(*given).rest(solve)
+        line(*given).solve_at_rest(solve)
 
 
 def test_a_counterweight_too_light_is_named_with_the_force_that_would_do(solve):
@@ -109,12 +109,12 @@ def test_a_counterweight_too_light_is_named_with_the_force_that_would_do(solve):
     cable, weight, end = TRAMWAY[:3]
     level = {**end, "at": [1200.0, 0.0]}
     with pytest.raises(SceneError) as error:
-        line(cable, {**weight, "tension": 3e4}, level).rest(solve)
+        line(cable, {**weight, "tension": 3e4}, level).solve_at_rest(solve)
     named = float(re.search(r"weight must hold it with at least (\d+) N", str(error.value)).group(1))
     z = np.linspace(1.0, 1.4, 1001)
     smallest = 0.5 * cable["mass_per_length"] * 9.81 * 1200.0 * np.min(np.cosh(z) / z)
     assert smallest * (1.0 - 1e-3) < named < 1.15 * smallest  # the stretch of the rope lowers it a little
-    assert line(cable, {**weight, "tension": named}, level).rest(solve).states
+    assert line(cable, {**weight, "tension": named}, level).solve_at_rest(solve).states
 
 
 def test_the_force_that_would_do_is_enough_for_all_positions():
@@ -128,7 +128,9 @@ def test_the_force_that_would_do_is_enough_for_all_positions():
 def test_a_position_without_rest_leaves_the_others(solve):
     rope, left, first, second, right, *_ = THREE
     heavy = car("car", 12000.0, [200.0, 402.0, 600.0, 920.0])
-    found = line({**rope, "length": 1023.0}, left, {**first, "at": [400.0, 6.0]}, second, right, heavy).rest(solve)
+    found = line({**rope, "length": 1023.0}, left, {**first, "at": [400.0, 6.0]}, second, right, heavy).solve_at_rest(
+        solve
+    )
     assert [isinstance(x, NoLineAtRest) for x in found.positions] == [False, False, False, True]
     assert "the rope lifts off first" in str(found.positions[3])
 
@@ -137,12 +139,12 @@ def test_a_car_too_heavy_for_its_rope_is_not_called_a_short_rope(solve):
     rope, left, *_ = THREE
     found = line(
         {**rope, "length": 402.0}, left, contact("end", "anchor", 400.0, -30.0), car("car", 1e9, [200.0])
-    ).rest(solve)
+    ).solve_at_rest(solve)
     assert "no tension below EA" in str(found.positions[0])
 
 
 def test_a_case_without_rest_leaves_the_others(solve):
-    good = line(*TRAMWAY).case(0, 1300.0)
+    good = line(*TRAMWAY).case_at_position(0, 1300.0)
     light = replace(good.stations[0], force=2e4)
     found = solve([good, replace(good, stations=(light, *good.stations[1:])), good])
     assert [isinstance(x, NoLineAtRest) for x in found] == [False, True, False]
@@ -150,17 +152,17 @@ def test_a_case_without_rest_leaves_the_others(solve):
 
 def test_a_car_on_a_shoe_is_not_felt(solve):
     rope, left, first, second, right, *_ = THREE
-    on = line(rope, left, first, second, right, car("car", 4000.0, [397.0, 300.0])).rest(solve)
-    off = line(rope, left, first, second, right).rest(solve)
+    on = line(rope, left, first, second, right, car("car", 4000.0, [397.0, 300.0])).solve_at_rest(solve)
+    off = line(rope, left, first, second, right).solve_at_rest(solve)
     np.testing.assert_allclose(on.positions[0].points, off.positions[0].points, rtol=0, atol=1e-9)
-    both = line(rope, left, first, second, right, car("a", 40.0, 397.0), car("b", 40.0, 402.0)).rest(solve)
+    both = line(rope, left, first, second, right, car("a", 40.0, 397.0), car("b", 40.0, 402.0)).solve_at_rest(solve)
     assert "two cars on the shoe of first" in str(both.positions[0])
 
 
 def test_the_path_of_a_car_does_not_jump_at_the_ends_of_a_shoe(solve):
     at = [693.9999, 694.0001, 700, 705.9999, 706.0001]
     given = Line.load("two-span").replace({"car.down.at": 1100.0, "car.up.at": at})
-    result = answer_line(given, rest=given.rest(solve))
+    result = answer_line(given, rest=given.solve_at_rest(solve))
     depths = [row["depth:up"] for row in result.numbers]
     assert [row["on:up"] for row in result.numbers] == [None, "tower", "tower", "tower", None]
     np.testing.assert_allclose(np.diff(depths)[[0, 3]], 0.0, rtol=0, atol=3e-4)
@@ -180,12 +182,12 @@ def test_numbers_beyond_all_bounds_are_no_rest():
         return [replace(state, s=state.s * np.nan) for state in catenary_line.solve(cases)]
 
     with pytest.raises(SceneError, match="no state of rest was found"):
-        line(*THREE).rest(spoilt)
+        line(*THREE).solve_at_rest(spoilt)
 
 
 def test_a_rope_that_cannot_carry_its_cars_says_why(solve):
     given = Line.load("two-span").replace({"car.up.mass": 8e4, "car.up.at": [50, 200, 700], "car.down.at": 1136.0})
-    positions = given.rest(solve).positions
+    positions = given.solve_at_rest(solve).positions
     assert "828945 N of cars on the rope; valley holds it with 380000 N" in str(positions[0]) + str(positions[1])
     assert "up does not come onto the shoe of tower" in str(positions[2])
 
@@ -216,8 +218,8 @@ def test_a_position_known_to_have_no_rest_is_not_tried_again():
         return catenary_line.solve(cases)
 
     heavy = Line.load("two-span").replace({"car.up.mass": 60000.0, "car.up.at": [50, 300], "car.down.at": [488, 738]})
-    first = heavy.rest(counted)
-    again = heavy.rest(counted, first.refused)
+    first = heavy.solve_at_rest(counted)
+    again = heavy.solve_at_rest(counted, first.refused)
     assert list(first.refused) == [1]
     assert counts == [1, 2, 1, 1]
     assert again.refused == first.refused

@@ -26,7 +26,7 @@ class Smooth:
     def phases(self) -> tuple[tuple[float, float], ...]:
         return (0.0, self.ramp), (self.ramp, self.end)
 
-    def at(self, t: float, phase: int) -> tuple[float, float, float]:
+    def position_with_rates(self, t: float, phase: int) -> tuple[float, float, float]:
         x = 1.0 if phase else t / self.ramp
         way = self.ramp * (2.5 * x**4 - 3.0 * x**5 + x**6) + (t - self.ramp if phase else 0.0)
         share = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)

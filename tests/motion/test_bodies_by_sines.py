@@ -109,7 +109,7 @@ def test_a_cabin_under_constant_acceleration_swings_twice_as_far_as_it_hangs_bac
     class Uniform(Smooth):
         phases = ((0.0, 1e3),)
 
-        def at(self, t, phase):
+        def position_with_rates(self, t, phase):
             return self.begin + 0.5 * a * t**2, a * t, a
 
     cabin = Hanger(mass=600.0, length=3.0, gyration=1.0)

@@ -43,11 +43,11 @@ def test_a_file_of_a_line_in_motion():
     found = line_in_motion(Line.from_toml(TEXT), solve)
     assert [c.name for c in found.contacts] == ["valley", "up", "tower", "down", "mountain"]
     up, down = found.cars
-    assert (up.kind, down.kind) == ("grip", "haul_x")
+    assert (up.drive_kind, down.drive_kind) == ("grip", "haul_x")
     assert down.drive.k == pytest.approx(0.5 * 1.2 * 12.0)
-    assert found.position(down, 0.0, 0) == (1100.0, 0.0, -0.5)
-    assert found.position(down, found.t_end, len(found.phases) - 1) == (760.0, 0.0, 0.0)
-    assert found.position(up, found.t_end, len(found.phases) - 1)[0] == 640.0
+    assert found.position_with_rates(down, 0.0, 0) == (1100.0, 0.0, -0.5)
+    assert found.position_with_rates(down, found.t_end, len(found.phases) - 1) == (760.0, 0.0, 0.0)
+    assert found.position_with_rates(up, found.t_end, len(found.phases) - 1)[0] == 640.0
     assert found.t_end == pytest.approx(580.0 / 7.0 + 14.0)
 
 
@@ -61,7 +61,7 @@ def test_two_wheels_and_a_cabin_from_a_file():
     )
     found = line_in_motion(Line.from_toml(text), solve)
     up, down = found.cars
-    assert [x.name for x in found.touching] == ["valley", "up.rear", "up.front", "tower", "down", "mountain"]
+    assert [x.name for x in found.contacts_and_wheels] == ["valley", "up.rear", "up.front", "tower", "down", "mountain"]
     assert (up.wheels.base, up.wheels.below, up.wheels.ahead) == (4.0, 3.0, 0.2)
     assert down.hanger.inertia == pytest.approx(5000.0 * 1.3**2)
     # c = 2 zeta omega (J + m h^2), omega^2 = m g h/(J + m h^2)
@@ -116,7 +116,7 @@ class BackAndForth:
     stops = (100.0, 100.0, 90.0, 90.0, 110.0, 110.0)
     phases = tuple((10.0 * i, 10.0 * i + 10.0) for i in range(5))
 
-    def at(self, t, phase):
+    def position_with_rates(self, t, phase):
         first, last = self.stops[phase : phase + 2]
         speed = (last - first) / 10.0
         return first + speed * (t - 10.0 * phase), speed, 0.0
@@ -124,7 +124,7 @@ class BackAndForth:
 
 def test_the_direction_of_a_car_is_that_of_its_next_motion_and_stays_after_the_last():
     found = line(ROPE, LEFT, car("car", 2000.0, BackAndForth(), "haul"), RIGHT, t_end=50.0)
-    assert [found.direction(found.cars[0], i) for i in range(5)] == [-1.0, -1.0, 1.0, 1.0, 1.0]
+    assert [found.travel_direction(found.cars[0], i) for i in range(5)] == [-1.0, -1.0, 1.0, 1.0, 1.0]
 
 
 SPAN = """
@@ -155,10 +155,15 @@ def test_one_span_whose_car_has_two_wheels_is_a_line_with_the_same_cable(tmp_pat
     (tmp_path / "span.toml").write_text(SPAN)
     found = load_line_or_none(tmp_path / "span.toml")
     point = SPAN.replace("wheels", "#").replace("hitch", "#")
-    empty, same = found.empty(solve), Scene.from_toml(point)
+    empty, same = found.solve_empty_line(solve), Scene.from_toml(point)
     assert empty.s[-1] * found.cable.mass_per_length == pytest.approx(13.3 * same.length)
     assert np.abs(empty.ahead[0, 0]) == pytest.approx(450e3, rel=1e-5)
-    assert [x.name for x in line_in_motion(found, solve).touching] == ["left", "car.rear", "car.front", "right"]
+    assert [x.name for x in line_in_motion(found, solve).contacts_and_wheels] == [
+        "left",
+        "car.rear",
+        "car.front",
+        "right",
+    ]
     on_platform = found.replace({"car.car.travel.from": 4.5})
     with pytest.raises(SceneError, match=r"begins with its front wheel at 4.5 m; must be >= 5.\d+ m"):
         line_in_motion(on_platform, solve)

@@ -60,7 +60,7 @@ def test_the_mass_obeys_newton_and_sits_on_the_string_that_its_force_bends(name)
     travel, mu, sigma = TRAVELS[name]
     motion = travel.motion(1.0)
     ride = moving_mass.solve_moving_mass(motion, mu=mu, sigma=sigma)
-    t = np.linspace(0.0, motion.time_at(0.95), 401)
+    t = np.linspace(0.0, motion.time_at_position(0.95), 401)
     y, size = ride.mass_displacement(t), np.abs(ride.mass_displacement(t)).max()
 
     def impulse(t):

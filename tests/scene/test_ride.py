@@ -109,20 +109,20 @@ def test_derivatives_of_the_load_path_are_those_of_its_places():
 def test_a_quasi_static_ride_keeps_its_energy(factor):
     """mu |P'|^2 ds^2/2 + int Pi' ds stays; with a holding force 2 percent off (must fail) it does not."""
     g = Scene.from_toml(ZIP).groups
-    path = LoadPath.loaded(g)
+    path = LoadPath.on_loaded_cable(g)
     r = roll_ride(path, g.mu, g.sigma, Drive(mode="free", start=0.05, end_position=0.9, end_time=30.0))
     t = np.linspace(0.0, r.duration, 400)
     s = np.linspace(0.04, 0.91, 4001)
     hold = factor * np.array([path(x)[4] for x in s])
     potential = CubicSpline(s, np.concatenate([[0.0], cumulative_simpson(hold, x=s)]))
-    energy = 0.5 * g.mu * r.speed(t) ** 2 + potential(r.at(t)[0])
+    energy = 0.5 * g.mu * r.point_speed(t) ** 2 + potential(r.position_and_speed(t)[0])
     drift = np.ptp(energy) / np.ptp(potential(s))
     assert (drift < 1e-7) == (factor == 1.0)
 
 
 def test_the_ride_is_the_one_that_two_dynamic_prototypes_found():
     scene = Scene.from_toml(ZIP + "end = {time = 30.0}")
-    s, _ = scene.ride.at(30.0 / scene.time_scale)
+    s, _ = scene.ride.position_and_speed(30.0 / scene.time_scale)
     assert s * scene.length == pytest.approx(284.744, abs=2e-4 * scene.length)  # the model's limit; it gives 284.777
     scene = Scene.from_toml(BRAKED)
     brake, stop = scene.ride.events
@@ -131,7 +131,7 @@ def test_the_ride_is_the_one_that_two_dynamic_prototypes_found():
     assert stop.t * scene.time_scale == pytest.approx(35.43, abs=0.01)
     assert stop.s_o * scene.length == pytest.approx(281.375, abs=0.01)
     assert scene.groups.drive.nominal == stop.t
-    assert f"{scene.arrival:.4g} s (quasi-static)" in str(scene)
+    assert f"{scene.arrival_time:.4g} s (quasi-static)" in str(scene)
 
 
 # --- on the chord all has closed form ---
@@ -142,27 +142,27 @@ FLAT = Groups(
 
 
 def test_drag_on_the_chord():
-    path = LoadPath.chord(FLAT)
+    path = LoadPath.on_chord(FLAT)
     px, py, *_, p = path(0.5)
     k, mu, start = 1.5, FLAT.mu, 0.1
     r = roll_ride(path, mu, FLAT.sigma, Drive(mode="free", start=start, k=k, end_time=15.0))
     terminal = math.sqrt(mu * FLAT.sigma * py / p / k)
     t = np.linspace(0.3, 15.0, 9)
     distance = mu / k * np.log(np.cosh(t * terminal * k / mu))
-    np.testing.assert_allclose((r.at(t)[0] - start) * p, distance, rtol=1e-8)
-    np.testing.assert_allclose(r.speed(t), terminal * np.sqrt(-np.expm1(-2 * k * distance / mu)), rtol=1e-8)
+    np.testing.assert_allclose((r.position_and_speed(t)[0] - start) * p, distance, rtol=1e-8)
+    np.testing.assert_allclose(r.point_speed(t), terminal * np.sqrt(-np.expm1(-2 * k * distance / mu)), rtol=1e-8)
     assert p == pytest.approx(math.hypot(px, py), rel=1e-14)
 
 
 def test_wind_drives_a_car_up_to_its_own_speed():
     level = Groups(mu=0.3, alpha=400.0, sigma=1e-5, c=0.5e-5, chord_cos=1.0, chord_sin=0.0, motion=None)
-    r = roll_ride(LoadPath.chord(level), 0.3, 1e-5, Drive(mode="free", start=0.1, k=2.0, wind=0.05, end_time=15.0))
+    r = roll_ride(LoadPath.on_chord(level), 0.3, 1e-5, Drive(mode="free", start=0.1, k=2.0, wind=0.05, end_time=15.0))
     t = 11.0  # v' = k/mu (w - v)^2
-    assert r.speed(t) == pytest.approx(0.05 - 1.0 / (1.0 / 0.05 + 2.0 / 0.3 * t), rel=1e-8)
+    assert r.point_speed(t) == pytest.approx(0.05 - 1.0 / (1.0 / 0.05 + 2.0 / 0.3 * t), rel=1e-8)
 
 
 def test_friction_and_brake_on_the_chord():
-    path = LoadPath.chord(FLAT)
+    path = LoadPath.on_chord(FLAT)
     _, py, _, _, _, p = path(0.5)
     sin, cos = py / p, math.sqrt(1.0 - (py / p) ** 2)
     mu_r, force, at = 0.07, 0.004, 0.5
@@ -181,7 +181,7 @@ def test_friction_and_brake_on_the_chord():
 
 
 def test_a_car_that_friction_holds_stays_until_thrust_moves_it():
-    path = LoadPath.chord(FLAT)
+    path = LoadPath.on_chord(FLAT)
     _, py, *_, p = path(0.5)
     held, most = Drive(mode="free", start=0.1, mu_r=0.3, end_time=50.0), 0.002
     (stop,) = roll_ride(path, FLAT.mu, FLAT.sigma, held).events
@@ -191,19 +191,19 @@ def test_a_car_that_friction_holds_stays_until_thrust_moves_it():
     weight, sin = FLAT.mu * FLAT.sigma, py / p
     missing = 0.3 * weight * math.sqrt(1.0 - sin**2) - weight * sin
     assert r.sections[0][1] == pytest.approx(2.0 + 10.0 * missing / most, rel=1e-9)
-    assert r.at(1.01 * r.sections[0][1])[1] > 0.0 == r.at(0.99 * r.sections[0][1])[1]
+    assert r.position_and_speed(1.01 * r.sections[0][1])[1] > 0.0 == r.position_and_speed(0.99 * r.sections[0][1])[1]
     assert [e.event for e in r.events] == ["thrust_end", "stop"]
 
 
 def test_a_slow_release_starts_the_ride_slowly():
-    path, start = LoadPath.chord(FLAT), 0.1
+    path, start = LoadPath.on_chord(FLAT), 0.1
     drive = Drive(mode="free", start=start, release=2.0, end_time=9.0)
     r = roll_ride(path, FLAT.mu, FLAT.sigma, drive)
     a = FLAT.sigma * path(start)[1] / path(start)[5]
     # dds = a (1 - hold); int int (1 - x)^2 (1 + 2x) = tau^2 (7/20), int hold = tau/2
     t = 7.0
     distance = 0.5 * a * t**2 - a * (2.0**2 * 0.35 + 0.5 * 2.0 * (t - 2.0))
-    assert (r.at(t)[0] - start) * path(start)[5] == pytest.approx(distance, rel=1e-8)
+    assert (r.position_and_speed(t)[0] - start) * path(start)[5] == pytest.approx(distance, rel=1e-8)
     assert r.events[0].event == "release"
 
 
@@ -244,9 +244,9 @@ def test_a_rider_who_creeps_to_rest_has_an_end():
     (late,) = forever.ride.events
     assert late.t > 2.0 * stop.t
     assert 0.005 < (late.s_o - stop.s_o) * l < 0.011  # rest_distance
-    speed = forever.ride.speed(np.array([stop.t]))[0] * l / tau
+    speed = forever.ride.point_speed(np.array([stop.t]))[0] * l / tau
     assert speed < 1e-3  # rest_speed
-    before = forever.ride.speed(np.array([0.9 * stop.t]))[0] * l / tau
+    before = forever.ride.point_speed(np.array([0.9 * stop.t]))[0] * l / tau
     assert before > 1e-3
 
 

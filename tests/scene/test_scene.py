@@ -40,8 +40,9 @@ def test_level_is_the_paper_s_cable():
         (scene.length, 2002.3720103, 1e-15), (scene.sigma, 0.1688832, 1e-8),  # the seven printed digits
         (scene.alpha, 844.416, 5e-8), (scene.sigma / scene.alpha, 1.0 / 5000.0, 1e-14), (scene.mu, 1.0, 1e-15),
         (scene.irvine, 24.08404, 2e-6),  # sigma^2 alpha of the rounded values
-        (V, 0.41095, 2e-5), (scene.groups.motion.at(t0, 0)[1], V, 1e-14), (scene.speed_ratio, V, 1e-14),
-        (t1, 1.0 / V, 1e-14), (scene.arrival, t1 * scene.time_scale, 1e-14),
+        (V, 0.41095, 2e-5), (scene.speed_ratio, V, 1e-14),
+        (scene.groups.motion.position_with_rates(t0, 0)[1], V, 1e-14),
+        (t1, 1.0 / V, 1e-14), (scene.arrival_time, t1 * scene.time_scale, 1e-14),
     ):  # fmt: skip
         assert found == pytest.approx(known, rel=digits)
 
@@ -53,7 +54,7 @@ def test_cruise_and_bare_are_the_same_cable():
         assert (groups.sigma, groups.alpha, groups.c) == (level.sigma, level.alpha, level.c)
     bare = Scene.load("bare")
     assert (bare.mass, bare.travel, bare.mu, bare.groups.motion) == (None, None, 0.0, None)
-    assert (bare.top_speed, bare.speed_ratio, bare.arrival) == (None, None, None)
+    assert (bare.top_speed, bare.speed_ratio, bare.arrival_time) == (None, None, None)
     cruise = Scene.load("cruise")
     assert cruise.groups.motion.top_speed == pytest.approx(math.sqrt(cruise.sigma), rel=1e-14)
     assert len(cruise.groups.motion.phases) == 3
@@ -66,7 +67,7 @@ def test_inclined_is_the_paper_s_cable_with_its_right_support_lower():
     assert scene.catenary.y(scene.length) == pytest.approx(90.0, rel=1e-14)
     assert scene.sigma == pytest.approx(0.06473, abs=5e-6)
     assert scene.alpha == pytest.approx(323.7, abs=0.05)
-    s, ds, dds = scene.groups.motion.at(0.0, 0)
+    s, ds, dds = scene.groups.motion.position_with_rates(0.0, 0)
     assert (s, ds) == (0.0, 0.0)
     assert dds == pytest.approx(scene.sigma, rel=1e-14)  # a = g: s_o* = sigma t*^2/2
 

@@ -37,7 +37,7 @@ def scene(law, drive=""):
 
 def motion(law, drive=""):
     made = scene(law, drive)
-    return made.groups.motion.scaled(1.0 / made.length, 1.0 / made.time_scale), made
+    return made.groups.motion.in_units(1.0 / made.length, 1.0 / made.time_scale), made
 
 
 @pytest.mark.parametrize(("name", "drive"), CASES)
@@ -61,7 +61,7 @@ def test_a_trapezoid_takes_the_times_of_the_textbook():
     np.testing.assert_allclose([t1, t3 - t2], [16.0, 20.0], rtol=1e-12)
     assert t3 == pytest.approx(18.0 + made.length / 8.0, rel=1e-12)
     assert m.top_speed == pytest.approx(8.0, rel=1e-12)
-    assert m.at(t3, 2)[:2] == (pytest.approx(made.length, rel=1e-15), pytest.approx(0.0, abs=1e-13))
+    assert m.position_with_rates(t3, 2)[:2] == (pytest.approx(made.length, rel=1e-15), pytest.approx(0.0, abs=1e-13))
 
 
 def test_a_way_too_short_for_the_top_speed_is_run_with_what_it_allows():
@@ -73,7 +73,7 @@ def test_a_way_too_short_for_the_top_speed_is_run_with_what_it_allows():
 def test_with_jerk_the_acceleration_is_continuous_and_bounded():
     m, _ = motion(LAWS["jerk"], HAUL)
     t = np.linspace(0.0, m.phases[-1][1], 20001)
-    a = m.kinematics(t, 0)[2]
+    a = m.positions_with_rates(t, 0)[2]
     assert len(m.phases) == 1
     assert a.max() == pytest.approx(0.5, rel=1e-6)
     assert a.min() == pytest.approx(-0.4, rel=1e-6)
@@ -85,9 +85,9 @@ def test_with_jerk_the_acceleration_is_continuous_and_bounded():
 def test_an_emergency_stop_ends_after_its_braking_way_and_is_rested():
     m, made = motion(LAWS["stop of a constant speed"])
     assert m.end == pytest.approx(33.0 + 3.0 * 14.0 + 14.0**2 / 4.0, rel=1e-12)
-    assert made.arrival == pytest.approx(3.0 + 7.0, rel=1e-12)
+    assert made.arrival_time == pytest.approx(3.0 + 7.0, rel=1e-12)
     rested = scene(LAWS["stop of a constant speed"] + "\nrest = 8.0")
-    assert rested.arrival == pytest.approx(18.0, rel=1e-12)
+    assert rested.arrival_time == pytest.approx(18.0, rel=1e-12)
     assert rested.groups.motion.standstills == [rested.groups.motion.phases[-1]]
     assert Scene.from_toml(rested.to_toml()) == rested
 
@@ -99,7 +99,7 @@ def test_equal_positions_are_a_standstill():
     np.testing.assert_allclose(stands, [20.0, 30.0], rtol=1e-12)
     t = np.linspace(*stands, 11)
     np.testing.assert_allclose(m.position(t), 100.0, rtol=1e-14)
-    np.testing.assert_allclose([m.at(20.0, 0)[1], m.at(30.0, 2)[1]], 0.0, atol=1e-12)
+    np.testing.assert_allclose([m.position_with_rates(20.0, 0)[1], m.position_with_rates(30.0, 2)[1]], 0.0, atol=1e-12)
     np.testing.assert_allclose(m.position([5.0, 10.0, 40.0, 50.0]), [20.0, 45.0, 150.0, 200.0], rtol=1e-12)
 
 
@@ -198,5 +198,5 @@ def test_a_mistyped_row_of_the_ground_is_refused_with_its_line(tmp_path, text, l
 def test_a_table_that_ends_slowly_ends_at_rest():
     """A curve through these rows alone would swing back before its end, with -1.5 m/s."""
     m, _ = motion("kind = 'table'\ntimes = [0, 10, 20, 30, 34]\npositions = [0, 66, 132, 198, 202]")
-    assert m.at(34.0, 0)[1] == pytest.approx(0.0, abs=1e-12)
-    assert min(speed for _, speed in m.speeds) >= -1e-12
+    assert m.position_with_rates(34.0, 0)[1] == pytest.approx(0.0, abs=1e-12)
+    assert min(speed for _, speed in m.speeds_where_extreme) >= -1e-12

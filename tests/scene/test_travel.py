@@ -33,14 +33,14 @@ def kinematic_defect(motion):
     """Largest gap between (ds_o, dds_o) of `at` and central differences of s_o and ds_o, over the mean speed.
 
     Taken inside every polynomial piece, because across a knot of the spline the third derivative jumps;
-    `position` must agree with `at`, too.
+    `position` must agree with it, too.
     """
     duration = motion.phases[-1][1]
     h, defect = 1e-5 * duration, 0.0
     for phase, ((_, stop), pieces) in enumerate(zip(motion.phases, motion.pieces, strict=True)):
         knots = [*(piece.start for piece in pieces), stop]
         for t in np.concatenate([np.linspace(t0 + 2.0 * h, t1 - 2.0 * h, 5) for t0, t1 in itertools.pairwise(knots)]):
-            (s0, v0, _), (s, v, a), (s1, v1, _) = (motion.at(t + dt, phase) for dt in (-h, 0.0, h))
+            (s0, v0, _), (s, v, a), (s1, v1, _) = (motion.position_with_rates(t + dt, phase) for dt in (-h, 0.0, h))
             gaps = (
                 (v - (s1 - s0) / (2.0 * h)) * duration,
                 (a - (v1 - v0) / (2.0 * h)) * duration**2,
@@ -59,8 +59,8 @@ def test_speed_and_acceleration_are_derivatives_of_the_position(name):
 @pytest.mark.parametrize("wrong", [(1e-6, 0.0, 0.0), (0.0, 1e-6, 0.0), (0.0, 0.0, 1e-5)])
 def test_the_kinematic_check_sees_a_wrong_position_speed_or_acceleration(wrong):
     class Bent(Motion):
-        def at(self, t, phase):
-            values, scale = super().at(t, phase), self.phases[-1][1]
+        def position_with_rates(self, t, phase):
+            values, scale = super().position_with_rates(t, phase), self.phases[-1][1]
             return tuple(v + w * self.end / scale**k for k, (v, w) in enumerate(zip(values, wrong, strict=True)))
 
     motion = LAWS["law (40)"].motion(LENGTH)
@@ -71,15 +71,17 @@ def test_the_kinematic_check_sees_a_wrong_position_speed_or_acceleration(wrong):
 def test_a_travel_starts_at_the_left_support_and_never_turns(name):
     motion = LAWS[name].motion(LENGTH)
     assert motion.phases[0][0] == 0.0
-    assert motion.at(0.0, 0)[0] == 0.0
+    assert motion.position_with_rates(0.0, 0)[0] == 0.0
     for (_, t1), (t2, _) in zip(motion.phases[:-1], motion.phases[1:], strict=True):
         assert t1 == t2
     t = np.linspace(0.0, motion.phases[-1][1], 1001)
     s = motion.position(t)
     assert np.all(np.diff(s) > 0.0)
     assert s[-1] == motion.end <= LENGTH
-    assert motion.at(t[-1], len(motion.phases) - 1)[0] == motion.end
-    assert max(motion.at(ti, 0)[1] for ti in t if ti <= motion.phases[0][1]) <= motion.top_speed * (1.0 + 1e-14)
+    assert motion.position_with_rates(t[-1], len(motion.phases) - 1)[0] == motion.end
+    assert max(motion.position_with_rates(ti, 0)[1] for ti in t if ti <= motion.phases[0][1]) <= motion.top_speed * (
+        1.0 + 1e-14
+    )
     np.testing.assert_array_equal(motion.position([-3.0, 1.1 * t[-1]]), [0.0, motion.end])
     if name not in ("table", "table from rest"):
         assert motion.end == LENGTH
@@ -91,19 +93,19 @@ def test_a_travel_starts_at_the_left_support_and_never_turns(name):
 def test_time_at_inverts_position(name, fraction):
     motion = LAWS[name].motion(LENGTH)
     s = fraction * motion.end
-    t = motion.time_at(s)
-    assert motion.times_at(np.array([s])).tolist() == [t]
+    t = motion.time_at_position(s)
+    assert motion.times_at_positions(np.array([s])).tolist() == [t]
     assert 0.0 <= t <= motion.phases[-1][1]
     assert float(motion.position(t)) == pytest.approx(s, rel=1e-13, abs=1e-13 * LENGTH)
 
 
 def test_time_at_names_the_range_of_the_travel():
     motion = LAWS["law (40)"].motion(LENGTH)
-    assert motion.time_at(0.0) == 0.0
-    assert motion.time_at(LENGTH) == motion.phases[-1][1]
+    assert motion.time_at_position(0.0) == 0.0
+    assert motion.time_at_position(LENGTH) == motion.phases[-1][1]
     for s in (-1e-9, 730.1, math.nan):
         with pytest.raises(ValueError, match=r"covers \[0, 730.0\]"):
-            motion.time_at(s)
+            motion.time_at_position(s)
 
 
 def test_the_laws_take_the_times_of_the_textbook():
@@ -121,18 +123,26 @@ def test_law_40_has_three_thirds_and_stops_exactly():
     np.testing.assert_allclose([t1, t2 - t1, t3 - t2], LENGTH / V * np.array([2 / 3, 1 / 3, 2 / 3]), rtol=1e-14)
     np.testing.assert_allclose(motion.position([t1, t2]), [LENGTH / 3, 2 * LENGTH / 3], rtol=1e-14)
     # the acceleration is one-sided: each phase has its own at the common instant
-    np.testing.assert_allclose([motion.at(t1, 0), motion.at(t1, 1)], [(LENGTH / 3, V, a), (LENGTH / 3, V, 0.0)])
-    np.testing.assert_allclose([motion.at(t2, 1), motion.at(t2, 2)], [(2 * LENGTH / 3, V, 0), (2 * LENGTH / 3, V, -a)])
-    assert motion.at(t3, 2)[:2] == (LENGTH, 0.0)
-    assert motion.at(t3, 2)[2] == pytest.approx(-a, rel=1e-14)
+    np.testing.assert_allclose(
+        [motion.position_with_rates(t1, 0), motion.position_with_rates(t1, 1)],
+        [(LENGTH / 3, V, a), (LENGTH / 3, V, 0.0)],
+    )
+    np.testing.assert_allclose(
+        [motion.position_with_rates(t2, 1), motion.position_with_rates(t2, 2)],
+        [(2 * LENGTH / 3, V, 0), (2 * LENGTH / 3, V, -a)],
+    )
+    assert motion.position_with_rates(t3, 2)[:2] == (LENGTH, 0.0)
+    assert motion.position_with_rates(t3, 2)[2] == pytest.approx(-a, rel=1e-14)
     assert motion.top_speed == pytest.approx(V, rel=1e-14)
 
 
 def test_at_continues_the_polynomial_of_its_phase_beyond_its_ends():
     motion = LAWS["law (40)"].motion(LENGTH)
     t1 = motion.phases[0][1]
-    assert motion.at(t1 + 0.3, 0)[1] == pytest.approx(19.0 + 0.3 * motion.at(t1, 0)[2], rel=1e-14)
-    assert motion.at(t1 - 0.3, 1)[0] == pytest.approx(LENGTH / 3 - 0.3 * 19.0, rel=1e-14)
+    assert motion.position_with_rates(t1 + 0.3, 0)[1] == pytest.approx(
+        19.0 + 0.3 * motion.position_with_rates(t1, 0)[2], rel=1e-14
+    )
+    assert motion.position_with_rates(t1 - 0.3, 1)[0] == pytest.approx(LENGTH / 3 - 0.3 * 19.0, rel=1e-14)
 
 
 def test_a_table_of_a_cubic_is_that_cubic():
@@ -140,7 +150,7 @@ def test_a_table_of_a_cubic_is_that_cubic():
     motion = table(lambda t: 17.0 * t + 2.3 * t**2 - 0.11 * t**3, t).motion(LENGTH)
     for ti in np.linspace(0.0, 8.0, 31):
         exact = (17.0 * ti + 2.3 * ti**2 - 0.11 * ti**3, 17.0 + 4.6 * ti - 0.33 * ti**2, 4.6 - 0.66 * ti)
-        np.testing.assert_allclose(motion.at(ti, 0), exact, rtol=1e-11, atol=1e-11)
+        np.testing.assert_allclose(motion.position_with_rates(ti, 0), exact, rtol=1e-11, atol=1e-11)
     # the speed turns inside a piece, at t = 2.3/0.33 = 6.97
     assert motion.top_speed == pytest.approx(17.0 + 2.3**2 / 0.33, rel=1e-12)
 
@@ -149,18 +159,22 @@ def test_a_table_of_a_cubic_is_that_cubic():
 def test_a_table_of_a_start_from_rest_starts_exactly_at_rest(digits):
     t = np.linspace(0.0, 20.0, 21)
     motion = table(lambda t: np.round(0.9 * t**2, digits), t).motion(LENGTH)
-    s, ds, dds = motion.at(0.0, 0)
+    s, ds, dds = motion.position_with_rates(0.0, 0)
     assert (s, ds) == (0.0, 0.0)
     # rounding to 1e-3 m, over steps of 1 s, leaves the acceleration of the spline known to a few 1e-3 m/s^2
     assert dds == pytest.approx(1.8, abs=8e-3)
     slow = table(lambda x: 0.2 * x + 0.9 * x**2, t).motion(LENGTH)
-    assert slow.at(0.0, 0)[1] == pytest.approx(0.2, rel=1e-9), "a slow but real entry"
+    assert slow.position_with_rates(0.0, 0)[1] == pytest.approx(0.2, rel=1e-9), "a slow but real entry"
 
 
 def test_short_tables_are_a_line_and_a_parabola():
-    assert Table(times=(0.0, 4.0), positions=(0.0, 60.0)).motion(LENGTH).at(1.0, 0) == (15.0, 15.0, 0.0)
+    assert Table(times=(0.0, 4.0), positions=(0.0, 60.0)).motion(LENGTH).position_with_rates(1.0, 0) == (
+        15.0,
+        15.0,
+        0.0,
+    )
     motion = Table(times=(0.0, 1.0, 3.0), positions=(0.0, 2.0, 18.0)).motion(LENGTH)
-    np.testing.assert_allclose(motion.at(2.0, 0), (8.0, 8.0, 4.0), rtol=1e-13)
+    np.testing.assert_allclose(motion.position_with_rates(2.0, 0), (8.0, 8.0, 4.0), rtol=1e-13)
 
 
 def test_a_table_ends_exactly_on_the_cable_when_its_last_digit_is_rounded():
@@ -172,14 +186,14 @@ def test_a_table_ends_exactly_on_the_cable_when_its_last_digit_is_rounded():
 def test_a_motion_is_the_same_in_other_units(name):
     motion = LAWS[name].motion(LENGTH)
     length, time = 89.0, 0.37
-    scaled = motion.scaled(length, time)
+    scaled = motion.in_units(length, time)
     assert kinematic_defect(scaled) < 5e-8
     for phase, (t0, t1) in enumerate(motion.phases):
         for t in (t0, 0.4 * t0 + 0.6 * t1, t1):
-            expected = np.array(motion.at(t, phase)) * [1.0 / length, time / length, time**2 / length]
-            np.testing.assert_allclose(scaled.at(t / time, phase), expected, rtol=1e-12, atol=1e-12)
+            expected = np.array(motion.position_with_rates(t, phase)) * [1.0 / length, time / length, time**2 / length]
+            np.testing.assert_allclose(scaled.position_with_rates(t / time, phase), expected, rtol=1e-12, atol=1e-12)
     half = 0.5 * motion.end
-    assert scaled.time_at(half / length) == pytest.approx(motion.time_at(half) / time, rel=1e-13)
+    assert scaled.time_at_position(half / length) == pytest.approx(motion.time_at_position(half) / time, rel=1e-13)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -193,11 +207,11 @@ def test_faster_runs_the_same_law_in_less_time(name):
 def test_a_brake_that_just_reaches_the_far_support_is_admissible_and_a_harder_one_is_not():
     limit = -0.5 * 13.0**2 / LENGTH
     just = ConstantAcceleration(acceleration=limit, initial_speed=13.0)
-    assert just.fault(LENGTH) == ""
+    assert just.fault_on_cable(LENGTH) == ""
     motion = just.motion(LENGTH)
     assert motion.end == LENGTH
-    assert motion.at(motion.phases[-1][1], 0)[1] == pytest.approx(0.0, abs=1e-6)
-    fault = ConstantAcceleration(acceleration=1.01 * limit, initial_speed=13.0).fault(LENGTH)
+    assert motion.position_with_rates(motion.phases[-1][1], 0)[1] == pytest.approx(0.0, abs=1e-6)
+    fault = ConstantAcceleration(acceleration=1.01 * limit, initial_speed=13.0).fault_on_cable(LENGTH)
     assert f"must be >= {limit!r} m/s^2" in fault
 
 
@@ -212,10 +226,12 @@ def test_an_entry_ramp_begins_at_rest_and_meets_the_speed_with_a_smooth_accelera
     law = LAWS["ramp"]
     motion, T = law.motion(LENGTH), 1.5 * 90.0 / 23.0
     assert len(motion.phases) == 1
-    assert motion.at(0.0, 0) == (0.0, 0.0, pytest.approx(2.0 * 23.0 / T, rel=1e-14))
-    np.testing.assert_allclose(motion.at(T * (1.0 - 1e-12), 0), (90.0, 23.0, 0.0), rtol=1e-10, atol=1e-10)
-    np.testing.assert_allclose(motion.at(T, 0), (90.0, 23.0, 0.0), rtol=1e-14, atol=1e-14)
+    assert motion.position_with_rates(0.0, 0) == (0.0, 0.0, pytest.approx(2.0 * 23.0 / T, rel=1e-14))
+    np.testing.assert_allclose(
+        motion.position_with_rates(T * (1.0 - 1e-12), 0), (90.0, 23.0, 0.0), rtol=1e-10, atol=1e-10
+    )
+    np.testing.assert_allclose(motion.position_with_rates(T, 0), (90.0, 23.0, 0.0), rtol=1e-14, atol=1e-14)
     assert motion.phases[-1][1] == pytest.approx(T + 640.0 / 23.0, rel=1e-14)
     assert motion.top_speed == pytest.approx(23.0, rel=1e-14)
     assert law.faster(2.0).entry_ramp == 90.0
-    assert "entry_ramp = 800.0: must be < 730 m" in ConstantSpeed(speed=3.0, entry_ramp=800.0).fault(LENGTH)
+    assert "entry_ramp = 800.0: must be < 730 m" in ConstantSpeed(speed=3.0, entry_ramp=800.0).fault_on_cable(LENGTH)

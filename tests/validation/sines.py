@@ -56,7 +56,7 @@ class Sines(System):
         return N, N[:, None] * t - T[:, None] * X1, across + along, W
 
     def linearise(self, t, q, v, a, phase, c0, c1, c2):
-        s_o, ds, dds = self.groups.motion.at(t, phase)
+        s_o, ds, dds = self.groups.motion.position_with_rates(t, phase)
         Q, V, A = (x.reshape(-1, 2) for x in (q, v, a))
         f, f1, f2 = (x[0] for x in self.shapes(s_o))
         _, X1, X2 = self.static(np.array([s_o]))
@@ -84,7 +84,7 @@ class Sines(System):
         return other
 
     def position(self, x):
-        return self.groups.motion.at(x.t, x.phase)[0]
+        return self.groups.motion.position_with_rates(x.t, x.phase)[0]
 
     def states_over_time(self, states):
         return states
@@ -95,7 +95,7 @@ class Sines(System):
 
     def observe(self, states, s, frames):
         n, (mu, sigma) = states.t.size, (self.groups.mu, self.groups.sigma)
-        motion = [self.groups.motion.at(t, k) for t, k in zip(states.t, states.phase, strict=True)]
+        motion = [self.groups.motion.position_with_rates(t, k) for t, k in zip(states.t, states.phase, strict=True)]
         s_o, ds, dds = np.array(motion).reshape(n, 3).T
         Q, V, A = (x.reshape(n, -1, 2) for x in (states.q, states.v, states.a))
 

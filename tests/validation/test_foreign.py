@@ -139,7 +139,7 @@ def test_what_is_written_reads_back(tmp_path):
 
 
 def test_rows_after_the_travel_are_left_out():
-    end = LEVEL.arrival
+    end = LEVEL.arrival_time
     path = ForeignPath.of(LEVEL, None, np.linspace(0.0, 7.0, 40), t=np.linspace(0.0, 1.5 * end, 40))
     assert path.t[-1] <= end
     assert path.t.size == 27  # the last is at 26/39 x 1.5 = 1, the exit itself

@@ -93,7 +93,7 @@ def test_a_ride_that_rolls_back_ends_by_the_support_it_came_from(method):
     scene = HOSTILE.scene_at(point)
     r = run(scene, method, steps=60)
     assert (r.status, [x["event"] for x in r.events]) == ("complete", ["back"])
-    assert r.s_o[-1] == pytest.approx(scene.groups.drive.back_position * r.length, rel=1e-9)
+    assert r.s_o[-1] == pytest.approx(scene.groups.drive.rollback_end_position * r.length, rel=1e-9)
     assert r.work["steps"] < 5 * 60
 
 

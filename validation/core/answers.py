@@ -84,7 +84,7 @@ def _outcome_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:
     """Whether the travel of the scene crosses, stops or is hauled, and from where on no answer is valid."""
     # past the slack onset nothing is compared
     motion = scene.groups.motion
-    duration = scene.arrival
+    duration = scene.arrival_time
     assert motion is not None
     assert duration is not None
     end = scene.length if r.drive == "grip" else scene.drive.end_position(scene.length)

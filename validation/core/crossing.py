@@ -41,7 +41,7 @@ def compute_dimensionless_path(
         times = newmark.step_times_by_phase(system, settings["steps"])
         for x in newmark.integrate(system, scheme, times, start=start):
             states.append(x)
-            if motion.at(x.t, x.phase)[0] > until:
+            if motion.position_with_rates(x.t, x.phase)[0] > until:
                 break
     except newmark.NewtonStalled:  # the solution diverged
         return DimensionlessPath(np.zeros(1), np.full(1, until), np.full(1, math.nan))

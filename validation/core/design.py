@@ -209,7 +209,7 @@ def _accelerations_of_timetable(scene: Scene) -> list[float]:
     rates: list[float] = []
     samples = 21  # accelerations are linear in a phase
     for phase, (_, end) in enumerate(motion.phases):
-        rates += [motion.at(float(t), phase)[2] * unit for t in np.linspace(begin, end, samples)]
+        rates += [motion.position_with_rates(float(t), phase)[2] * unit for t in np.linspace(begin, end, samples)]
         begin = end
     return rates
 

@@ -235,7 +235,7 @@ def _with_time_and_position(scene: Scene, columns: dict[str, Array]) -> dict[str
         return x
     if "t" not in x:
         _refuse_off_cable(x["s_o"], float(x["s_o"][-1]), l)
-        x["t"] = tau * motion.times_at(np.clip(x["s_o"] / l, motion.start_position, motion.end))
+        x["t"] = tau * motion.times_at_positions(np.clip(x["s_o"] / l, motion.start_position, motion.end))
         once = np.append(True, np.diff(x["t"]) > 0.0)  # of places beyond an end of the travel the first
         x = {k: a[once] for k, a in x.items()}
     position = motion.position(x["t"] / tau)

@@ -126,7 +126,7 @@ def _travel_kinematics(scene: Scene) -> Travel:
         return _free_ride_kinematics(scene)
     t = np.linspace(0.0, motion.phases[-1][1], STEPS)
     phase = np.searchsorted([end for _, end in motion.phases[:-1]], t)
-    return Travel(t, *motion.kinematics(t, phase))
+    return Travel(t, *motion.positions_with_rates(t, phase))
 
 
 def _free_ride_kinematics(scene: Scene) -> Travel:
@@ -140,7 +140,7 @@ def _free_ride_kinematics(scene: Scene) -> Travel:
     s_o = np.full(t.size, scene.groups.drive.start)
     ds = np.zeros(t.size)
     if ride.sections:
-        s_o, ds = ride.at(t)
+        s_o, ds = ride.position_and_speed(t)
     return Travel(t, s_o, ds, np.gradient(ds, t))
 
 
@@ -319,7 +319,7 @@ def quasi_static_events_with_bars(scene: Scene, full_run_deflection: float) -> l
     s_o = np.full(STEPS, scene.length * scene.groups.drive.start)  # [m]
     speed = np.zeros(STEPS)  # [m/s]
     if ride.sections:
-        s_o = scene.length * ride.at(t)[0]
-        speed = scene.length / scene.time_scale * ride.speed(t)
+        s_o = scene.length * ride.position_and_speed(t)[0]
+        speed = scene.length / scene.time_scale * ride.point_speed(t)
     inertia = InertiaErrors.estimated(scene, float(speed.max()), full_run_deflection)
     return [event | inertia.event_bars(event, scene.time_scale * t, s_o, speed) for event in free_ride_events(scene)]

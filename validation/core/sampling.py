@@ -259,7 +259,7 @@ def _times_of_marks(motion: Motion, frames: int) -> Array:
     end_time = motion.phases[-1][1]
     end = motion.position(np.array([end_time]))[0]
     marks = np.arange(1, FRAMES) / FRAMES
-    passed = motion.times_at(marks[(motion.start_position <= marks) & (marks < end)])
+    passed = motion.times_at_positions(marks[(motion.start_position <= marks) & (marks < end)])
     edges = np.unique(np.concatenate([[0.0], passed, [end_time]]))
     longest = end_time / frames
     parts = np.ceil(np.diff(edges) / longest * (1.0 - 1e-9)).astype(int)

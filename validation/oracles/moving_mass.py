@@ -96,12 +96,12 @@ class MassHistory:
 
 def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory:
     """Solve (1), (2) up to 0.01 before the far support; ValueError outside the validity."""
-    below = all(abs(speed) < 1.0 for _, speed in motion.speeds)
+    below = all(abs(speed) < 1.0 for _, speed in motion.speeds_where_extreme)
     refuse_unless(
         "mu, sigma > 0, travel on the string below the wave speed", mu > 0.0, sigma > 0.0, below, motion.end <= 1.0
     )
     reach = 0.01  # distance to the far support at which the answer ends: fronts accumulate there
-    end = motion.time_at(1.0 - reach) if motion.end > 1.0 - reach else motion.phases[-1][1]
+    end = motion.time_at_position(1.0 - reach) if motion.end > 1.0 - reach else motion.phases[-1][1]
     marks = _front_arrival_times(motion, end)
     longest = min(0.05, 0.125 * mu)  # panel: the string gives way within mu/2
     parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / longest)))[:-1] for a, b in pairwise(marks)]
@@ -168,7 +168,7 @@ def cases() -> list[Crossing | Limit]:
 def _paper_crossing() -> Crossing:
     groups = Scene.load("level").groups
     assert groups.motion is not None
-    sigma = groups.sigma * (1.0 + groups.motion.at(0.0, 0)[1] ** 2)
+    sigma = groups.sigma * (1.0 + groups.motion.position_with_rates(0.0, 0)[1] ** 2)
     return Crossing(
         name="the paper's mass and speed, g (1 + V²)", scene="level", groups=groups,
         exact=solve_moving_mass(groups.motion, mu=groups.mu, sigma=sigma).mass_displacement, methods=None,

@@ -22,7 +22,7 @@ from validation.oracles.rest import ZIP
 Curve = Callable[[Any], LoadPath]
 
 
-def quasi_static_ride(scene: Scene, curve: Curve = LoadPath.loaded) -> Ride:
+def quasi_static_ride(scene: Scene, curve: Curve = LoadPath.on_loaded_cable) -> Ride:
     g = scene.groups
     return roll_ride(curve(g), g.mu, g.sigma, g.drive)
 
@@ -31,7 +31,7 @@ def _deviation_with_drag(solvers: Solvers, method: str, drag: float) -> Array:
     """Distance of s_o(t) from the quasi-static ride, over l."""
     scene = Scene.from_toml(ZIP + f"start = 60.0\nrelease = 4.0\ndrag_area = {drag!r}\nend = {{place = 110.0}}")
     r = solvers.run_scene(scene, method, steps=400, scheme="generalized-alpha")
-    return np.abs(r.s_o / r.length - quasi_static_ride(scene).at(r.t / scene.time_scale)[0])
+    return np.abs(r.s_o / r.length - quasi_static_ride(scene).position_and_speed(r.t / scene.time_scale)[0])
 
 
 def _deviation_with_fast_waves(quantity: str, curve: Curve, solvers: Solvers, method: str, sigma: float) -> Array:
@@ -44,7 +44,11 @@ def _deviation_with_fast_waves(quantity: str, curve: Curve, solvers: Solvers, me
     there = t <= other.duration
     t = np.minimum(t, other.duration)
     speed = r.speed * scene.time_scale / r.length
-    off = (other.speed(t) - speed) / speed.max() if quantity == "speed" else other.at(t)[0] - r.s_o / r.length
+    off = (
+        (other.point_speed(t) - speed) / speed.max()
+        if quantity == "speed"
+        else other.position_and_speed(t)[0] - r.s_o / r.length
+    )
     return off[there]
 
 
@@ -53,8 +57,9 @@ def cases() -> list[Limit]:
     waves = "waves take (V/c)² of what the car bends, and both fall like sigma"
     slow = "the cable's inertia counts like the speed's square, which falls like one over the drag"
     variants = [
-        ("place over l", "place", LoadPath.loaded), ("speed over the largest", "speed", LoadPath.loaded),
-        ("speed along the empty cable's shape", "speed", LoadPath.empty),
+        ("place over l", "place", LoadPath.on_loaded_cable),
+        ("speed over the largest", "speed", LoadPath.on_loaded_cable),
+        ("speed along the empty cable's shape", "speed", LoadPath.on_empty_cable),
     ]  # fmt: skip
     return [
         Limit(name="much drag: place over l", refined="drag area", values=(2.5, 10.0, 40.0), order=1.0, because=slow,

@@ -35,7 +35,7 @@ def run_exudyn(groups: Groups, *, elements: int, steps: int) -> PeerPath:
     system = exudyn.SystemContainer().AddSystem()
     s = np.linspace(0.0, 1.0, elements + 1)
     _, xp, yp, _, _ = groups.tension_and_shape_derivatives(0.0)
-    speed = motion.at(0.0, 0)[1]
+    speed = motion.position_with_rates(0.0, 0)[1]
     place_on_cable = system.AddNode(
         items.NodeGenericODE2(
             numberOfODE2Coordinates=1, referenceCoordinates=[0.0], initialCoordinates=[0.0],
@@ -224,7 +224,7 @@ def _solve_with_wall_time(solve: Any, system: Any, settings: Any) -> tuple[str, 
 
 def _travel_constraint_arguments(motion: Motion) -> dict[str, Any]:
     """s_o(t) for a constraint; a constant speed needs no calls from Exudyn's loop."""
-    speeds = {speed for _, speed in motion.speeds}
+    speeds = {speed for _, speed in motion.speeds_where_extreme}
     if len(speeds) == 1:
         return {"velocityLevel": True, "offset": speeds.pop()}
     return {"offsetUserFunction": lambda system, t, item, offset: float(motion.position(t))}

@@ -86,7 +86,7 @@ def _run_travel_with_wall_time(ops: Any, groups: Groups, t: Array, nodes: Array)
     up = np.array([1.0, -1.0])
     X = nodes * up
     dt = float(t[1] - t[0])
-    _, ds, dds = groups.motion.at(0.0, 0)
+    _, ds, dds = groups.motion.position_with_rates(0.0, 0)
     _, xp, yp, _, _ = groups.tension_and_shape_derivatives(0.0)
     along = np.array([float(xp), -float(yp)])
     # free fall at first; from rest along the cable

@@ -78,7 +78,7 @@ def _shortest_ramp(car: Car) -> float:
         return 0.0
     ramps = []
     for i, (t0, t1) in enumerate(car.travel.phases):
-        if car.travel.at(0.5 * (t0 + t1), i)[2]:
+        if car.travel.position_with_rates(0.5 * (t0 + t1), i)[2]:
             ramps.append(t1 - t0)
     return min(ramps, default=math.inf)
 

@@ -223,7 +223,11 @@ def _quasi_static_rungs(scene: Scene, full: Response) -> Iterator[Rung]:
     g = scene.groups
     l = scene.length
     tau = scene.time_scale
-    for model, kind in (("chord", LoadPath.chord), ("empty cable", LoadPath.empty), ("quasi-static", LoadPath.loaded)):
+    for model, kind in (
+        ("chord", LoadPath.on_chord),
+        ("empty cable", LoadPath.on_empty_cable),
+        ("quasi-static", LoadPath.on_loaded_cable),
+    ):
         begin = time.perf_counter()
         rolled = roll_ride(kind(g), g.mu, g.sigma, g.drive)
         seconds = time.perf_counter() - begin
@@ -233,8 +237,8 @@ def _quasi_static_rungs(scene: Scene, full: Response) -> Iterator[Rung]:
         if rolled.sections:
             end = rolled.duration * tau
             t = full.t[full.t <= end] / tau
-            position = np.abs(rolled.at(t)[0] - full.s_o[: t.size] / l).max()
-            speed = np.abs(rolled.speed(t) * l / tau - full.speed[: t.size]).max() / full.speed.max()
+            position = np.abs(rolled.position_and_speed(t)[0] - full.s_o[: t.size] / l).max()
+            speed = np.abs(rolled.point_speed(t) * l / tau - full.speed[: t.size]).max() / full.speed.max()
             gaps["timetable"] = float(max(position, speed, abs(end / full.t[-1] - 1.0)))
         yield Rung(model, "mass", seconds, gaps)
 

@@ -45,7 +45,7 @@ class _RestingStart(GalerkinSystem):
 
     def _start_at_entry(self) -> State:
         x = super()._start_at_entry()
-        s_o, ds_o, dds_o = self.motion.at(x.t, 0)
+        s_o, ds_o, dds_o = self.motion.position_with_rates(x.t, 0)
         a = np.zeros_like(x.a)
         a[self.n - 1 :: self.n] = -self._load_per_mass(s_o, ds_o, dds_o)
         return State(x.t, x.q, np.zeros_like(x.v), a, 0)

@@ -372,4 +372,4 @@ def groups_until(groups: Groups, position: float) -> Groups:
     assert motion is not None
     if position >= motion.end:
         return groups
-    return replace(groups, motion=replace(motion.until(motion.time_at(position)), end=position))
+    return replace(groups, motion=replace(motion.cut_at(motion.time_at_position(position)), end=position))

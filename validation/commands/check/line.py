@@ -99,14 +99,14 @@ def compared_values(state: LineState) -> dict[str, StationValues]:
     pieces = np.arange(n - 1)
     length = np.full(n, np.ptp(state.s))
     values: dict[str, tuple[Array, np.ndarray]] = {  # values by station, and the stations that count
-        "place": (state.points, np.flatnonzero(np.isnan(case.fixed_points).any(axis=1))),
+        "place": (state.points, np.flatnonzero(np.isnan(case.points_or_nan).any(axis=1))),
         "rope_place": (state.middle, pieces),
-        "s": (state.s, np.flatnonzero(np.isnan(case.fixed_s))),
+        "s": (state.s, np.flatnonzero(np.isnan(case.s_or_nan))),
         "rope_length": (length, np.array([n - 1])),
         "tension_behind": (state.station_tensions[:, 0], pieces + 1),
         "tension_ahead": (state.station_tensions[:, 1], pieces),
         "haul": (state.haul, np.flatnonzero(kinds == "hauled")),
-        "pressure": (state.pressure, np.flatnonzero(kinds == "saddle")),
+        "pressure": (state.rope_force_on_stations, np.flatnonzero(kinds == "saddle")),
     }
     return {name: StationValues(x[k], [case.stations[i].name for i in k]) for name, (x, k) in values.items()}
 
@@ -169,16 +169,16 @@ def solve_both_refining_elements(line: Line, second: Line, tol: float, tol_tensi
 
     A position that a solver refuses is not tried again by it; one that both refuse, by none.
     """
-    a = line.rest(partial(catenary_line.solve, extra_steps=1))
+    a = line.solve_at_rest(partial(catenary_line.solve, extra_steps=1))
     if not a.states:
         raise no_rest_refusal(a)
-    coarser_a = line.rest(catenary_line.solve, a.refused)
+    coarser_a = line.solve_at_rest(catenary_line.solve, a.refused)
     n = 4
-    coarser_b = second.rest(partial(elements.solve, elements=n // 2))
+    coarser_b = second.solve_at_rest(partial(elements.solve, elements=n // 2))
     hopeless = {i: why for i, why in coarser_b.refused.items() if i in a.refused}
     largest_share = 0.5  # of the tolerance, for bars of the elements
     while True:
-        b = second.rest(partial(elements.solve, elements=n), hopeless)
+        b = second.solve_at_rest(partial(elements.solve, elements=n), hopeless)
         both = BothAnswers(a, coarser_a, b, coarser_b)
         rows = [row for row in compare_states(both, *both.units_with_tolerances(tol, tol_tension)) if row.bound.parts]
         coarse = any(row.bound.parts[1].value > largest_share * (row.required or 0.0) for row in rows)
@@ -234,11 +234,11 @@ def recheck_outputs(result: RestAnswers) -> list[Agreement]:
 def smallest_detectable_changes(result: RestAnswers) -> dict[str, float]:
     """Smallest relative change of each key that this check would detect in one solver, by catenaries."""
     line = result.line
-    base = line.rest(catenary_line.solve)
+    base = line.solve_at_rest(catenary_line.solve)
     exact = Unit("m", ROUNDING, 0.0), Unit("N", ROUNDING, 0.0)
 
     def gaps_to(changed_line: Line) -> sensitivities.Gaps:
-        changed = changed_line.rest(catenary_line.solve)
+        changed = changed_line.solve_at_rest(catenary_line.solve)
         return {
             (row.quantity, row.law): row.gap
             for row in compare_states(BothAnswers(base, base, changed, changed), *exact)
@@ -264,6 +264,9 @@ def refuse_unlike_second_line(points: Sequence[GridPoint], second: Line | None) 
 
 def _contact_kinds_and_car_shoes(line: Line) -> list[tuple[str, ...]]:
     """Kinds of contacts, and of each car the shoe that it is on at every position."""
-    shoes = [(car, [line.shoe(line.position_of(car, i)) for i in range(line.count)]) for car in line.car]
+    shoes = [
+        (car, [line.saddle_with_shoe_at(line.position_of(car, i)) for i in range(line.position_count)])
+        for car in line.car
+    ]
     cars = [(car.name, *(shoe.name if shoe else "" for shoe in of_car)) for car, of_car in shoes]
     return [tuple(f"{c.name} {c.kind}" for c in line.contact), *cars]

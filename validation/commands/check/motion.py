@@ -39,7 +39,7 @@ SECOND = SINES.name  # solver that a planted fault is for
 
 def reference_scales(line: Line, run: LineRun) -> Scales:
     """Largest deflection of a car in the run, largest tension at its start, and weights of the cars."""
-    path = largest_car_deflection(line, line.empty(catenary_line.solve), run.motion)
+    path = largest_car_deflection(line, line.solve_empty_line(catenary_line.solve), run.motion)
     tension = largest_tension_at_start(run.motion)
     weights = {car.name: car.mass * line.gravity for car in line.car}
     return Scales(path, tension, weights)

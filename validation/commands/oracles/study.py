@@ -260,7 +260,7 @@ class _Solvers:
         from cablefem.elements import line as elements
 
         solve = catenary_line.solve if name == "catenaries" else elements.solve
-        return line.rest(lambda cases: solve(cases, **settings))
+        return line.solve_at_rest(lambda cases: solve(cases, **settings))
 
 
 SOLVERS: Solvers = _Solvers()

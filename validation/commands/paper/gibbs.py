@@ -25,7 +25,7 @@ def _run_for_tensions_beside_mass(system: GalerkinSystem | FollowingElements, di
     """T at s_o -+ each distance (m,) when the mass passes each of POSITIONS, (positions, 2 m)."""
     states: list[State] = []
     for x in integrate(system, scheme("trapezoidal"), step_times_by_phase(system, OVERSHOOT["steps"])):
-        if system.motion.at(x.t, x.phase)[0] >= POSITIONS[len(states)]:
+        if system.motion.position_with_rates(x.t, x.phase)[0] >= POSITIONS[len(states)]:
             states.append(x)
             if len(states) == POSITIONS.size:
                 break

@@ -184,7 +184,7 @@ def _draw_travel_law(one: dict[str, Any], content: dict[str, Any], runs: Shown) 
     fig, axes = figure_with_axes(3, 1, height=4.2, sharex=True)
     for k, (t0, t1) in enumerate(motion.phases):
         t = np.linspace(t0, t1, 60)
-        rows = np.array([motion.at(float(x), k) for x in t])
+        rows = np.array([motion.position_with_rates(float(x), k) for x in t])
         for ax, column in zip(axes, (2, 1, 0), strict=True):
             ax.plot(t, rows[:, column], color=BLUE, linestyle="-")
     for ax, name in zip(axes, ("aₒ*", "Vₒ*", "sₒ*"), strict=True):

@@ -75,7 +75,7 @@ def _numbers_at_car(rest: LineRest, i: int, car: Car) -> Row:
     line = rest.line
     state = rest.states[i]
     x = line.position_of(car, i)
-    shoe = line.shoe(x)
+    shoe = line.saddle_with_shoe_at(x)
     forces = {"tension_behind": state.station_tensions[:, 0], "tension_ahead": state.station_tensions[:, 1]}
     if car.hauled:
         forces["haul"] = state.haul
@@ -115,8 +115,8 @@ def _numbers_at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -
     k = index[contact.name]
     out = {f"tension:{name}": float(np.nanmax(state.station_tensions[k]))}
     if contact.kind == "saddle":
-        across, down = state.pressure[k].tolist()
-        cars = sum(car.mass for car in line.car if line.shoe(line.position_of(car, i)) is contact) * line.gravity
+        across, down = state.rope_force_on_stations[k].tolist()
+        cars = sum(car.mass for car in line.car if line.saddle_with_shoe_at(line.position_of(car, i)) is contact) * line.gravity
         out[f"load:{name}"] = math.hypot(across, down + cars)
         out[f"load_down:{name}"] = down + cars
         out[f"pressure:{name}"] = math.hypot(across, down)
@@ -245,7 +245,7 @@ class RestAnswers(LineAnswers):
     @cached_property
     def needed_tension_text(self) -> str:
         """What a counterweight must be for all positions to have a rest, as the end of a sentence."""
-        return self.rest.needed_tension(catenary_line.solve)
+        return self.rest.needed_counterweight_text(catenary_line.solve)
 
     @property
     def outcome(self) -> Outcome:
@@ -263,10 +263,10 @@ class RestAnswers(LineAnswers):
             more = [f"{len(hits) - most} more"] if len(hits) > most else []
             parts.append(Outcome("collides", f"would collide: {', '.join([*hits[:most], *more])}"))
         if self.positions_without_rest:
-            without = f"{len(self.positions_without_rest)} of {self.line.count} positions have no rest"
+            without = f"{len(self.positions_without_rest)} of {self.line.position_count} positions have no rest"
             parts.append(Outcome("incomplete", without + self.needed_tension_text))
         if not parts:
-            count = _position_count_text(self.line.count)
+            count = _position_count_text(self.line.position_count)
             carries = f"at rest at {count}; largest tension {load}{_car_positions_text(tension)}"
             parts.append(Outcome("carries", carries))
         model = "quasi-static, without inertia, friction and drag: " if self.quasi_static else ""
@@ -294,7 +294,7 @@ class RestAnswers(LineAnswers):
         write_json(folder / "summary.json", {
             "scene": line.name, "title": line.title, "method": "catenaries", "status": self.status,
             "outcome": self.outcome.sentence, "outcome_kind": self.outcome.kind,
-            "refused": self.positions_without_rest, "positions": line.count,
+            "refused": self.positions_without_rest, "positions": line.position_count,
             "empty_length": float(np.ptp(self.rest.empty.s)),
             "design": self.design, "limits": self.limits, "seconds": seconds,
         })  # fmt: skip
@@ -322,7 +322,7 @@ class RestAnswers(LineAnswers):
             terminal.print_text(
                 f"  and {len(self.positions_without_rest) - 3} more positions without rest", style="bold red"
             )
-        terminal.print_text(f"  {_position_count_text(self.line.count)} in {seconds:.1f} s")
+        terminal.print_text(f"  {_position_count_text(self.line.position_count)} in {seconds:.1f} s")
 
 
 def _position_count_text(count: int) -> str:
@@ -344,7 +344,7 @@ def _collision_text(number: Row) -> str:
 
 def no_rest_refusal(rest: LineRest) -> store.Refused:
     """The exception for a line without any position at rest, which says what tension would do."""
-    needed = rest.needed_tension(catenary_line.solve)
+    needed = rest.needed_counterweight_text(catenary_line.solve)
     return store.Refused(f"{rest.line.name}: no position has a rest; at the first {rest.positions[0]}{needed}")
 
 
@@ -357,7 +357,7 @@ def answer_line(line: Line, *, rest: LineRest | None = None) -> RestAnswers:
         from validation.commands.run.worst import with_extreme_car_positions
 
         line = with_extreme_car_positions(line)
-        rest = line.rest(catenary_line.solve)
+        rest = line.solve_at_rest(catenary_line.solve)
     numbers = numbers_by_position(rest)
     if not any(numbers):
         raise no_rest_refusal(rest)

@@ -216,7 +216,7 @@ class LineRuns:
         """
         self.method = method
         self.table = line
-        empty = line.empty(catenary_line.solve)
+        empty = line.solve_empty_line(catenary_line.solve)
         self.line = line_in_motion(line, catenary_line.solve)
         rope = self.line.rope
         self.length = rope.length or float(np.ptp(empty.s)) * (1.0 + line.cable.thermal_strain)
@@ -509,7 +509,7 @@ def motion_answers(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agree
     finest: Any = a.finest
     other: Any = None if b is None else b.finest
     design = design_with_bars(a, b, line, motion_unit)
-    empty = line.empty(catenary_line.solve)
+    empty = line.solve_empty_line(catenary_line.solve)
     return MotionAnswers(line=line, moved=finest, empty=empty, design=design, other=other, rows=list(rows))
 
 

@@ -37,7 +37,7 @@ def line_at_timetable_positions(line: Line) -> Line:
     thermal_stretch = 1.0 + line.cable.thermal_strain
     # s by car (n,)
     s_by_car = {car.name: positions[car.name] / thermal_stretch for car in moving.cars if car.along == "s"}
-    empty = line.empty(catenary_line.solve)
+    empty = line.solve_empty_line(catenary_line.solve)
     x = positions | {name: np.interp(s, empty.s, empty.points[:, 0]) for name, s in s_by_car.items()}
     exact = 1e-6  # [m] from where a car is to where its timetable has it
     for _ in range(30 if s_by_car else 0):
@@ -56,7 +56,7 @@ def _timetable_positions_by_car(moving: MovingLine) -> dict[str, Array]:
     t = np.linspace(0.0, moving.t_end, count)
     phases = np.minimum(np.searchsorted(ends, t), len(ends) - 1).tolist()
     columns = [
-        [moving.position(car, at, phase)[0] for at, phase in zip(t.tolist(), phases, strict=True)]
+        [moving.position_with_rates(car, at, phase)[0] for at, phase in zip(t.tolist(), phases, strict=True)]
         for car in moving.cars
     ]
     positions = np.array(columns)  # (cars, count)
@@ -77,7 +77,7 @@ def _at_rest_with_cars_at(line: Line, x_by_car: dict[str, Array]) -> Line:
 def _x_shifts_to_reach_s(at_rest: Line, s_by_car: dict[str, Array]) -> dict[str, Array]:
     """How much farther in x (n,) [m] each car must be for its s (n,) [m]; 0 where there is no rest."""
     shifts = {name: np.zeros(s.size) for name, s in s_by_car.items()}
-    for i, state in at_rest.rest(catenary_line.solve).states.items():
+    for i, state in at_rest.solve_at_rest(catenary_line.solve).states.items():
         for name, s in s_by_car.items():
             shifts[name][i] = _x_shift_to_s(state, name, float(s[i]))
     return shifts

@@ -59,7 +59,7 @@ class _NumbersByCarPosition:
 
     def solve_at(self, positions: list[float]) -> None:
         """Compute and store the numbers at these positions."""
-        rest = self.line_at(positions).rest(catenary_line.solve)
+        rest = self.line_at(positions).solve_at_rest(catenary_line.solve)
         for x, row in zip(sorted(set(positions)), numbers_by_position(rest), strict=True):
             self.rows[x] = row or {}
 
