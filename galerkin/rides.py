@@ -76,11 +76,17 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def _car_kinematics(self, x: State) -> tuple[float, float, float]:
         """s_o, ds_o, dds_o."""
-        return (float(x.q[-1]), float(x.v[-1]), float(x.a[-1])) if self.free else self.motion.position_with_rates(x.t, x.phase)
+        return (
+            (float(x.q[-1]), float(x.v[-1]), float(x.a[-1]))
+            if self.free
+            else self.motion.position_with_rates(x.t, x.phase)
+        )
 
     def _car_loads(self, t: float, phase: int) -> rolling.CarLoads:
         drive = self.drive
-        against = -self.mode.slip_sign if self.free else -math.copysign(1.0, self.motion.position_with_rates(t, phase)[1])
+        against = (
+            -self.mode.slip_sign if self.free else -math.copysign(1.0, self.motion.position_with_rates(t, phase)[1])
+        )
         brake = against * self.brake_force
         loads = self.mu, self.groups.sigma, drive.k, drive.wind, self.hold_force(t), against * drive.mu_r, brake
         since, ax, ay, jx, jy = self._mean_acceleration if self.free else (t, math.nan, math.nan, 0.0, 0.0)

@@ -116,7 +116,10 @@ def _numbers_at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -
     out = {f"tension:{name}": float(np.nanmax(state.station_tensions[k]))}
     if contact.kind == "saddle":
         across, down = state.rope_force_on_stations[k].tolist()
-        cars = sum(car.mass for car in line.car if line.saddle_with_shoe_at(line.position_of(car, i)) is contact) * line.gravity
+        cars = (
+            sum(car.mass for car in line.car if line.saddle_with_shoe_at(line.position_of(car, i)) is contact)
+            * line.gravity
+        )
         out[f"load:{name}"] = math.hypot(across, down + cars)
         out[f"load_down:{name}"] = down + cars
         out[f"pressure:{name}"] = math.hypot(across, down)
