@@ -97,7 +97,7 @@ def test_an_edited_scene_leaves_the_results_of_other_commands(cablefem, tmp_path
     assert cablefem("run", "a.toml", *QUICK, "--no-bars")[0] == 0
     after = tree(Path("cablefem-out"))
     assert after["level/modes.json"] == before["level/modes.json"]
-    assert store.commands_with_results(Path("cablefem-out/level")) == ["run"]  # a page shows results of one scene
+    assert store.commands_on_latest_scene(Path("cablefem-out/level")) == ["run"]  # a page shows results of one scene
 
 
 @pytest.mark.usefixtures("checked")
@@ -109,13 +109,13 @@ def test_a_command_replaces_results_of_ours_whose_files_it_writes(cablefem):
     assert cablefem("run", "level", *QUICK, "--no-bars")[0] == 0
     for _ in range(2):
         assert cablefem("check", "level", "--tol", "3e-2")[0] == 0
-        assert store.commands_with_results(folder) == ["modes", "check"]
+        assert store.commands_on_latest_scene(folder) == ["modes", "check"]
         assert not (folder / "fourier").exists()
         page = (folder / "report.html").read_text()
         assert page.count('id="check-verdict"') == 1
         assert 'id="answer"' not in page
     assert cablefem("run", "level", *QUICK, "--no-bars")[0] == 0  # writes over one half of the check
-    assert store.commands_with_results(folder) == ["modes", "run"]
+    assert store.commands_on_latest_scene(folder) == ["modes", "run"]
     assert not (folder / "agreement.json").exists()
     assert 'id="check-verdict"' not in (folder / "report.html").read_text()
 
@@ -165,7 +165,7 @@ def test_a_marker_that_is_none_makes_no_folder_ours(tmp_path):
     for text in ("", "[1]", "{}", "3", '{"scene": ""}', older):
         (tmp_path / store.MARKER).write_text(text)
         (tmp_path / "a").touch()
-        assert store.commands_with_results(tmp_path) == []
+        assert store.commands_on_latest_scene(tmp_path) == []
         with pytest.raises(store.Refused):
             store.claim_folder(tmp_path, "run", "x", ["a"])
 

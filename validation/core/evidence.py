@@ -144,7 +144,7 @@ class Evidence:
     @cached_property
     def damping_rate(self) -> float:
         """Viscous damping of the cable per mass [1/s]."""
-        return self.data.damping(self.r.length, self.r.horizontal_tension)
+        return self.data.damping_rate(self.r.length, self.r.horizontal_tension)
 
     @cached_property
     def swept_area_integral(self) -> Array:

@@ -20,7 +20,7 @@ from validation.core import rest, timetable
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.evidence import Evidence, Side, Window, Windows, cross_product
 from validation.core.order import FIRST, SAFETY, error_bar
-from validation.core.scene_data import ROUNDING, height_along_slope
+from validation.core.scene_data import ROUNDING, ordinate_on_unit_slope
 
 DOWN = np.array([0.0, 1.0])
 
@@ -493,13 +493,13 @@ def slack_onset_defect(evidence: Evidence) -> Defect:
 def _slack_onset_offset(r: Response, t: float, steps: NDArray[np.bool_]) -> float:
     """How much later than at time t the tension of these steps (n,) falls through zero, in s_o/l; negative: earlier.
 
-    See `scene_data.height_along_slope`, of the smallest tension so far.
+    See `scene_data.ordinate_on_unit_slope`, of the smallest tension so far.
     """
     position = np.maximum.accumulate(r.s_o) / r.length
     # zero is the tension of a law without compression, whose rope would be deeper
     tension = np.where(r.tension_min == 0.0, -1.0, r.tension_min / r.horizontal_tension)[steps]
     smallest = np.minimum.accumulate(tension)
-    return height_along_slope(position[steps], smallest, float(np.interp(t, r.t, position)))
+    return ordinate_on_unit_slope(position[steps], smallest, float(np.interp(t, r.t, position)))
 
 
 @_register_law("fields at the mass")

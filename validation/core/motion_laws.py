@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from validation.core.motion_bodies import CarBody, to_complex
-from validation.core.scene_data import ROUNDING, Array, LineData, read_columns, wheel_stresses
+from validation.core.scene_data import ROUNDING, Array, LineData, read_csv_columns, rope_stresses_at_wheel
 
 WINDOWS = 12
 
@@ -360,8 +360,8 @@ class _LineFiles:
         self.line = LineTables((folder / "scene.toml").read_text(encoding="utf-8"))
         self.motion = motion
         self.period = period
-        self.paths = {car.name: read_columns(folder / f"path-{car.name}.csv") for car in motion.cars}
-        self.contacts = read_columns(folder / "contacts.csv")
+        self.paths = {car.name: read_csv_columns(folder / f"path-{car.name}.csv") for car in motion.cars}
+        self.contacts = read_csv_columns(folder / "contacts.csv")
         self.t = self.contacts["t"]
 
     def faults_of_design_number(self, number: dict[str, Any]) -> Iterator[str]:
@@ -440,7 +440,7 @@ class _LineFiles:
             return out
         for side, N in (("rear", path["T_behind"]), ("front", path["T_ahead"])):
             Q = path.get(f"wheel_{side}", 0.5 * path["F_contact"]) * 2.0 / wheels.get("count", 2)
-            for kind, values in wheel_stresses(self.line.data["cable"], wheels, N, Q).items():
+            for kind, values in rope_stresses_at_wheel(self.line.data["cable"], wheels, N, Q).items():
                 out.setdefault(kind, []).append(values)
         return out
 

@@ -8,7 +8,7 @@ import numpy as np
 from cablefem.response import Array
 from validation.core import store
 
-TEXTS = store.shipped_toml(__package__, "quantities.toml")
+TEXTS = store.read_packaged_toml(__package__, "quantities.toml")
 KNOWN = TEXTS["main"] | TEXTS["more"]
 
 

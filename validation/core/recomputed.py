@@ -24,7 +24,7 @@ from validation.core.measures import (
     time_span_for_extremes,
 )
 from validation.core.rest import EmptyCable, car_position_at_rest
-from validation.core.scene_data import ROUNDING, SceneData, max_depth_at, mean_around, wheel_stresses
+from validation.core.scene_data import ROUNDING, SceneData, max_depth_at, means_around_times, rope_stresses_at_wheel
 
 
 def _recomputed_row(
@@ -116,7 +116,7 @@ class RecomputedNumbers:
         if kind == "sag_car_rest":
             return _max_sag_of_car_at_rest(self.r, self.data)
         if kind in FROM_TOML:
-            rates = timetable.ramp_accelerations(self.data.travel, self.data.drive, self.r.length)
+            rates = timetable.accelerations_at_stretch_ends(self.data.travel, self.data.drive, self.r.length)
             return max(0.0, *(rates if kind == "acceleration_max" else -rates))
         if kind == "safety_factor_min":
             tension = self._extreme("tension_max", averaged=True)
@@ -174,7 +174,7 @@ def _min_height_over(profile: Array, x: Array, y: Array) -> float:
 def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:
     """Signals of each kind of design number."""
     f = r.fields
-    tilt = math.degrees(math.atan(data.wind_force_or_damping(2) / (data.rho * data.gravity)))
+    tilt = math.degrees(math.atan(data.crosswind_force() / (data.rho * data.gravity)))
     driving = "thrust" if r.drive == "free" else "haul_force"
     at_steps = {
         "wind_tilt": np.full(r.t.shape, tilt),
@@ -199,7 +199,7 @@ def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:
     wheels = data.scene["mass"].get("wheels", {})
     for N in (r.T_behind, r.T_ahead) if wheels else ():
         load = at_steps["contact"] / wheels.get("count", 2)
-        for kind, values in wheel_stresses(data.cable, wheels, N, load).items():
+        for kind, values in rope_stresses_at_wheel(data.cable, wheels, N, load).items():
             signals.setdefault(kind, []).append((r.t, values))
     return signals | {"tension": tensions, "deepest_point": [(r.t, r.y), (f.t, f.y + f.v)]}
 
@@ -228,7 +228,7 @@ def _moving_means(t: Array, values: Array, span: tuple[float, float], period: fl
         times = np.unique(np.concatenate([ends, inner]))
         values = np.interp(times, t, values)
         t = times
-    return mean_around(t, values, t, period) if period and t.size >= 3 else values
+    return means_around_times(t, values, t, period) if period and t.size >= 3 else values
 
 
 def _means_of_frames(t: Array, values: Array, period: float) -> Array:

@@ -26,7 +26,7 @@ from validation.core.ladder import ROUNDING, Distance, Functional, Goal, Ladder,
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
 from validation.core.order import FIRST
-from validation.core.scene_data import height_along_slope
+from validation.core.scene_data import ordinate_on_unit_slope
 from validation.core.store import nulls_for_nonfinite
 from validation.core.view import View
 
@@ -348,7 +348,7 @@ def quasi_static_rows(a: Ladder, quasi_static: list[Event], required: float) -> 
 def _slack_onset_row(a: Ladder, b: Ladder, full: View, required: float) -> Agreement:
     """Distance of both answers where the first cable goes slack; no slack counts as the window's end.
 
-    Smallest tensions so far, over H, are falling curves over s_o/l; see `scene_data.height_along_slope`.
+    Smallest tensions so far, over H, are falling curves over s_o/l; see `scene_data.ordinate_on_unit_slope`.
     """
     end = full.window[1]
     first = min(end, a.finest.slack_onset_or_inf, b.finest.slack_onset_or_inf)
@@ -363,7 +363,7 @@ def _slack_onset_row(a: Ladder, b: Ladder, full: View, required: float) -> Agree
         inside = position < end  # beyond, the curve drops to slack
         x = np.append(position[inside], [end, end])
         y = np.append(smallest[inside], [at_end, min(0.0, at_end)])
-        return height_along_slope(x, y, first)
+        return ordinate_on_unit_slope(x, y, first)
 
     return replace(_functional_row("slack_onset", a, b, required, crossing_ordinate), where=first)
 
@@ -391,7 +391,7 @@ def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> 
     positions = np.linspace(onset, end, 200)[1:-1]  # s_o/l, (n,)
 
     def largest_so_far(x: Response, y: Response) -> Array:
-        return np.maximum.accumulate(np.nan_to_num(trust.path_distances_at(x, y, positions), nan=math.inf))
+        return np.maximum.accumulate(np.nan_to_num(trust.relative_path_distances_at(x, y, positions), nan=math.inf))
 
     bars = [np.broadcast_to(x.bar(identity, largest_so_far, FIRST), positions.shape) for x in (a, b)]
     allowed = bars[0] + bars[1]

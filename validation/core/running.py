@@ -26,7 +26,7 @@ from cablefem.newmark import (
 from cablefem.response import Array, Response
 from cablefem.scene import Groups, Scene
 from validation.core.methods import Method, find_method
-from validation.core.sampling import FRAMES, History, Onset, one_blas_thread, response_of_history
+from validation.core.sampling import FRAMES, History, Onset, limited_to_one_blas_thread, response_of_history
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.solver import Solver
 from validation.core.watch import with_flags
@@ -116,7 +116,7 @@ class Run:
         begin = time.perf_counter()
         try:
             if h.failure is None:
-                with one_blas_thread():
+                with limited_to_one_blas_thread():
                     self._march_with_law_switch(until or math.inf, progress)
         except StepFailure as error:
             h.failure = _failure_kind_and_reason(error, h.onset is not None, h.after is not None)

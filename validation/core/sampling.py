@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from copy import copy
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
@@ -41,8 +42,8 @@ STICK_SLIP = ("standstill", "breaking loose", "brake off", "turn")  # events of 
 _threads = cache(ThreadpoolController)  # cached: slow
 
 
-def one_blas_thread() -> Any:
-    """One BLAS thread while in force: the matrices are small."""
+def limited_to_one_blas_thread() -> AbstractContextManager[Any]:
+    """One BLAS thread in the body: the matrices are small."""
     return _threads().limit(limits=1)
 
 
@@ -66,10 +67,11 @@ class History:
     after: Solver | None  # tension-only, from the onset on
 
 
-def _valid_states(h: History) -> States:
-    """The states over time, cut and marked failed where they are not finite or the mass is past the cable."""
+def _finite_states_noting_failure(h: History) -> States:
+    """The states over time up to where they are not finite or the mass is past the cable; sets h.failure there."""
     states = h.solver.states_over_time(stack_states(h.states))
-    sound = np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in (states.q, states.v, states.a)])  # (n,)
+    finite = [np.isfinite(x).all(axis=1) for x in (states.q, states.v, states.a)]  # (n,) each
+    sound = np.logical_and.reduce(finite)
     sound[-1] &= h.solver.position(h.states[-1]) <= MAX_POSITION
     if sound.all():
         return states
@@ -92,7 +94,7 @@ def path_fields_in_si(scene: Scene, t: Array, position: Array, w: Array) -> dict
     }  # fmt: skip
 
 
-def _onset_within(h: History, states: States) -> Onset | None:
+def _slack_onset_within(h: History, states: States) -> Onset | None:
     """The slack onset, if it lies within the states."""
     return h.onset if h.onset is not None and h.onset.step < states.t.size else None
 
@@ -102,13 +104,14 @@ def response_of_history(scene: Scene, h: History, *, frames: int = FRAMES, **how
 
     how : the fields that say what was run;  frames : smallest number of instants with fields.
     """
-    states = _valid_states(h)
-    onset = _onset_within(h, states)
+    states = _finite_states_noting_failure(h)
+    onset = _slack_onset_within(h, states)
     position, w = h.solver.mass_positions_and_displacements(states)
     slack_onset = None if onset is None else float(position[onset.step])
     cause, reason = h.failure or (None, None)
     motion = scene.groups.motion
-    breaks = [] if motion is None else [scene.time_scale * t for t, _ in motion.phases[1:] if t < states.t[-1]]
+    phases = [] if motion is None else motion.phases[1:]
+    breaks = [scene.time_scale * t for t, _ in phases if t < states.t[-1]]
     work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
     observed = LazyValue(partial(_observed_fields, scene, copy(h), states, frames, list(h.work.events)))
 
@@ -129,17 +132,15 @@ def _observed_fields(
     scene: Scene, h: History, states: States, frames: int, passed: list[PassedEvent]
 ) -> dict[str, Any]:
     """The fields of a `Response` that are OBSERVED."""
-    onset = _onset_within(h, states)
+    onset = _slack_onset_within(h, states)
     switch = states.t[onset.step] if onset is not None and h.after is not None else math.inf
     t = times_of_frames(scene, float(states.t[-1]), frames)
     s = np.linspace(0.0, 1.0, STATIONS)
-    with one_blas_thread():
-        no_frames = t.size == 0 or states.t.size == 1
-        at_frames = (
-            _select_states(states, slice(0, 0))
-            if no_frames
-            else _interpolated_states(_dense_states_around(h, states, t), t)
-        )
+    with limited_to_one_blas_thread():
+        if t.size == 0 or states.t.size == 1:
+            at_frames = _select_states(states, slice(0, 0))
+        else:
+            at_frames = _interpolated_states(_dense_states_around(h, states, t), t)
         observation, steps = _observe_steps_and_frames(h, states, at_frames, switch, s)
     result = observation_in_si(scene, observation, steps, s)
     result["events"] = _car_events(scene, passed, states.t, observation.s_o[steps], result["velocity"])
@@ -189,18 +190,18 @@ def _car_events(scene: Scene, passed: list[PassedEvent], t: Array, s_o: Array, v
     passed : events of the march;  t, s_o : of the steps (n,), dimensionless;  velocity : (n, 2) [m/s].
     """
     drive = scene.groups.drive
-    prescribed = [
-        PassedEvent("release", drive.release),
-        *[PassedEvent("thrust_end", end) for end, _ in drive.thrust_table[-1:]],
-    ]
+    prescribed = [PassedEvent("release", drive.release)]
+    for end, _ in drive.thrust_table[-1:]:
+        prescribed.append(PassedEvent("thrust_end", end))
     events = [event for event in prescribed if 0.0 < event.t <= t[-1]]
     for event in passed:
         if event.name == "stop":
-            events.append(PassedEvent("stop", _first_standstill(scene, passed, t, s_o, event.t)))
+            standstill = _time_of_lasting_standstill(scene, passed, t, s_o, event.t)
+            events.append(PassedEvent("stop", standstill))
         elif event.name not in STICK_SLIP:
             events.append(event)
     if drive.mode == "free":
-        events += [PassedEvent("turn", time) for time in _turning_times(t, s_o)]
+        events += [PassedEvent("turn", time) for time in _times_of_turning_back(t, s_o)]
     rows = []
     for event in sorted(events, key=lambda event: event.t):
         i = _nearest_index(t, event.t)
@@ -210,15 +211,17 @@ def _car_events(scene: Scene, passed: list[PassedEvent], t: Array, s_o: Array, v
     return rows
 
 
-def _first_standstill(scene: Scene, passed: list[PassedEvent], t: Array, s_o: Array, end: float) -> float:
-    """Time of the first standstill that lasts; `end` if none does."""
+def _time_of_lasting_standstill(scene: Scene, passed: list[PassedEvent], t: Array, s_o: Array, end: float) -> float:
+    """Time of the first standstill after which the car stays; `end` if there is none."""
     near = scene.groups.drive.rest_speed * 2.0 / math.sqrt(scene.groups.alpha)  # distance in an axial round trip
-    stops = (event.t for event in passed if event.name == "standstill")
-    return next((time for time in stops if abs(s_o[_nearest_index(t, time)] - s_o[-1]) <= near), end)
+    for event in passed:
+        if event.name == "standstill" and abs(s_o[_nearest_index(t, event.t)] - s_o[-1]) <= near:
+            return event.t
+    return end
 
 
-def _turning_times(t: Array, s_o: Array) -> Iterator[float]:
-    """Give the times at which a car turns back by more than SWING."""
+def _times_of_turning_back(t: Array, s_o: Array) -> Iterator[float]:
+    """The times at which a car turns back by more than SWING."""
     direction = 0.0
     farthest = 0
     for i, position in enumerate(s_o.tolist()):
@@ -233,6 +236,7 @@ def _turning_times(t: Array, s_o: Array) -> Iterator[float]:
 
 
 def stack_states(states: Sequence[State]) -> States:
+    """The states as arrays, a row for each."""
     return States(*newmark.stack_states(states))
 
 
@@ -247,15 +251,15 @@ def times_of_frames(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
         nominal = scene.groups.drive.nominal
         t = nominal * np.arange(math.ceil(frames * t_last / nominal)) / frames
     else:
-        t = _times_of_marks(motion, frames)
+        t = _times_at_position_marks(motion, frames)
     t = t[t <= t_last]
-    ends = scene.drive.mode != "grip" and t.size and t_last - t[-1] > 1e-9 * t_last
-    return np.append(t, t_last) if ends else t
+    end_is_missing = scene.drive.mode != "grip" and t.size and t_last - t[-1] > 1e-9 * t_last
+    return np.append(t, t_last) if end_is_missing else t
 
 
 @lru_cache(maxsize=64)
-def _times_of_marks(motion: Motion, frames: int) -> Array:
-    """Times (k,) at which a travel passes its marks, with at least `frames` intervals."""
+def _times_at_position_marks(motion: Motion, frames: int) -> Array:
+    """Times (k,) at which a travel passes s_o/l = 1/FRAMES, 2/FRAMES, ..., with at least `frames` intervals."""
     end_time = motion.phases[-1][1]
     end = motion.position(np.array([end_time]))[0]
     marks = np.arange(1, FRAMES) / FRAMES
@@ -294,24 +298,24 @@ def _interpolated_states(h: States, t: Array) -> States:
 def _observe_steps_and_frames(
     h: History, steps: States, frames: States, switch: float, s: Array
 ) -> tuple[Observation, NDArray[np.bool_]]:
-    """Observe steps and frames together with the law in force, and say which rows are steps."""
+    """Observe steps and frames together with the law in force; also which rows (n,) are steps."""
     observations = []
     is_step = []
-    end, frames_end = (int(np.searchsorted(x.t, switch, side="right")) for x in (steps, frames))
+    end = int(np.searchsorted(steps.t, switch, side="right"))
+    frames_end = int(np.searchsorted(frames.t, switch, side="right"))
     pieces = [(h.solver, _select_states(steps, slice(end)), _select_states(frames, slice(frames_end)))]
     if h.after is not None:
-        pieces.append(
-            (h.after, _select_states(steps, slice(end, None)), _select_states(frames, slice(frames_end, None)))
-        )
+        steps_after = _select_states(steps, slice(end, None))
+        pieces.append((h.after, steps_after, _select_states(frames, slice(frames_end, None))))
     for solver, of_steps, of_frames in pieces:
         n = of_steps.t.size
         k = of_frames.t.size
         if n + k:
-            observations.append(solver.observe(_join_states(of_steps, of_frames), s, n + np.arange(k)))
+            observations.append(solver.observe(_concatenate_states(of_steps, of_frames), s, n + np.arange(k)))
             is_step.append(np.arange(n + k) < n)
     return Observation.concatenated(observations), np.concatenate(is_step)
 
 
-def _join_states(a: States, b: States) -> States:
+def _concatenate_states(a: States, b: States) -> States:
     names = States.__dataclass_fields__
     return States(**{name: np.concatenate([getattr(a, name), getattr(b, name)]) for name in names})

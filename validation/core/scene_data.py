@@ -17,7 +17,7 @@ PREFIXES = {"": 1.0, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
 FACTORS = {("km/h", "m/s"): 1.0 / 3.6, ("%", ""): 0.01, ("°", "deg"): 1.0}
 
 
-def read_columns(file: Path) -> dict[str, Array]:
+def read_csv_columns(file: Path) -> dict[str, Array]:
     """Columns (n,) of a CSV of numbers; empty cells are nan."""
     with file.open(encoding="utf-8", newline="") as opened:
         rows = list(csv.DictReader(opened))
@@ -26,13 +26,16 @@ def read_columns(file: Path) -> dict[str, Array]:
 
 def si_factor(printed: str, unit: str) -> float:
     """What a number in a printed unit, or in none, is multiplied by to be in `unit`; nan if they do not fit."""
-    if (printed, unit) in FACTORS or printed in ("", unit):
-        return FACTORS.get((printed, unit), 1.0)
-    prefixed = unit != "" and printed.endswith(unit)
-    return PREFIXES.get(printed.removesuffix(unit), math.nan) if prefixed else math.nan
+    if (printed, unit) in FACTORS:
+        return FACTORS[printed, unit]
+    if printed in ("", unit):
+        return 1.0
+    if unit == "" or not printed.endswith(unit):
+        return math.nan
+    return PREFIXES.get(printed.removesuffix(unit), math.nan)
 
 
-def ice_mass(cable: dict[str, Any]) -> float:
+def ice_mass_per_length(cable: dict[str, Any]) -> float:
     """Mass per length [kg/m] of the ice of a TOML's cable."""
     ice = cable.get("ice", 0.0)
     if not isinstance(ice, dict):
@@ -41,7 +44,7 @@ def ice_mass(cable: dict[str, Any]) -> float:
     return float(ice["density"] * math.pi * thickness * (cable["diameter"] + thickness))
 
 
-def wheel_stresses(cable: dict[str, Any], wheels: dict[str, Any], N: Array, Q: Array) -> dict[str, Array]:
+def rope_stresses_at_wheel(cable: dict[str, Any], wheels: dict[str, Any], N: Array, Q: Array) -> dict[str, Array]:
     """N/Q and stresses [Pa] (n,) of a TOML's cable under a wheel with the load Q; nan where it is slack."""
     out = {"tension_over_wheel": N / np.maximum(Q, 1e-6 * N)}
     if "E" in cable:
@@ -55,7 +58,7 @@ def wheel_stresses(cable: dict[str, Any], wheels: dict[str, Any], N: Array, Q: A
     return out
 
 
-def mean_around(t: Array, values: Array, at: Array, period: float) -> Array:
+def means_around_times(t: Array, values: Array, at: Array, period: float) -> Array:
     """Means of a signal (n,) or (n, c) over a period around times (k,), within the signal's own range."""
     from scipy.interpolate import make_interp_spline  # slow to import
 
@@ -72,7 +75,7 @@ def max_depth_at(at: Array, x: Array, y: Array) -> Array:
     high = np.maximum(x[:-1], x[1:])
     depths = np.full(at.size, -math.inf)
     for j, x_j in enumerate(at):
-        i = np.flatnonzero((low <= x_j) & (x_j <= high) & (low < high))
+        i = np.flatnonzero((low <= x_j) & (x_j <= high) & (low < high))  # pieces over x_j
         w = (x_j - x[i]) / (x[i + 1] - x[i])
         depths[j] = np.max(y[i] + w * (y[i + 1] - y[i]), initial=-math.inf)
     return depths
@@ -88,7 +91,7 @@ class LineData:
         self.contacts: list[dict[str, Any]] = self.data["contact"]
         self.EA: float = cable["EA"]
         self.empty_mass: float = cable["mass_per_length"]
-        self.mass = self.empty_mass + ice_mass(cable)  # [kg/m]
+        self.mass = self.empty_mass + ice_mass_per_length(cable)  # [kg/m]
         warmer = cable["temperature"] - cable["reference_temperature"] if "temperature" in cable else 0.0
         self.heat: float = 1.0 + cable.get("expansion", 0.0) * warmer
 
@@ -120,40 +123,48 @@ class SceneData:
 
     def _apply_heat_and_ice(self, cable: dict[str, Any], length: float) -> None:
         """Heat lengthens the unstretched cable; ice adds weight."""
-        l, mean_tension = _catenary_length_and_tension(self.span, self.drop, self.rho * self.gravity, *self.prescribed)
+        l, mean_tension = _catenary_length_and_mean_tension(
+            self.span, self.drop, self.rho * self.gravity, *self.prescribed
+        )
         dT = cable["temperature"] - cable.get("reference_temperature", 0.0) if "temperature" in cable else 0.0
-        self.rho = (self.rho + ice_mass(cable)) * l / length
+        self.rho = (self.rho + ice_mass_per_length(cable)) * l / length
         natural = l / (1.0 + mean_tension / self.EA)
         self.prescribed = "unstretched", natural * (1.0 + cable.get("expansion", 0.0) * dT)
 
-    def wind_force_or_damping(self, power: int) -> float:
-        """rho_air c_D d U^power/2 of the crosswind [N/m] or [N s/m^2], d with ice."""
-        if not self.wind:
-            return 0.0
+    def _crosswind_drag_factor(self) -> float:
+        """rho_air c_D d/2 [N s^2/m^3], d with ice."""
         ice = self.cable.get("ice")
         d = self.cable["diameter"] + 2.0 * (ice["thickness"] if isinstance(ice, dict) else 0.0)
         air = self.wind.get("air_density", 1.2)
         c_D = self.wind.get("drag_coefficient", 1.2)
-        return 0.5 * air * c_D * d * self.wind["across"] ** power
+        return 0.5 * air * c_D * d
 
-    def damping(self, length: float, H: float) -> float:
+    def crosswind_force(self) -> float:
+        """Of the wind's mean speed, per length [N/m]."""
+        return self._crosswind_drag_factor() * self.wind["across"] ** 2 if self.wind else 0.0
+
+    def crosswind_damping(self) -> float:
+        """Force over velocity and length [N s/m^2]."""
+        return self._crosswind_drag_factor() * self.wind["across"] if self.wind else 0.0
+
+    def damping_rate(self, length: float, H: float) -> float:
         """Force over momentum of the cable [1/s]; its own and the crosswind's."""
         own = self.cable.get("damping", 0.0)
+        if not (own or self.wind):
+            return 0.0
         ratio, rate = (0.0, own["rate"]) if isinstance(own, dict) else (own, 0.0)
-        return (
-            rate + 2.0 * ratio * self._lowest_frequency(length, H) + self.wind_force_or_damping(1) / self.rho
-            if own or self.wind
-            else 0.0
-        )
+        own_rate = rate + 2.0 * ratio * self._lowest_angular_frequency(length, H)
+        return own_rate + self.crosswind_damping() / self.rho
 
-    def _lowest_frequency(self, length: float, H: float) -> float:
-        """Lowest frequency [rad/s] of the empty cable; in units of sqrt(tau/rho)/l antisymmetric 2 pi, symmetric
+    def _lowest_angular_frequency(self, length: float, H: float) -> float:
+        """Of the empty cable [rad/s]; in units of sqrt(tau/rho)/l antisymmetric 2 pi, symmetric
 
         1 + sum over odd n of 8 L^2/(n^2 pi^2 (n^2 pi^2 - w^2)) = 0.
         """
         cos = self.span / math.hypot(self.span, self.drop)
         n = math.pi * np.arange(1.0, 20001.0, 2.0)
-        L2 = (self.rho * self.gravity * length / H) ** 2 * self.EA / H * cos**5
+        weight_over_H = self.rho * self.gravity * length / H
+        L2 = weight_over_H**2 * self.EA / H * cos**5
 
         def sums(w: float) -> float:
             return 1.0 + float(np.sum(8.0 * L2 / (n**2 * (n**2 - w**2))))
@@ -166,10 +177,10 @@ class SceneData:
         return w * math.sqrt(H / cos / self.rho) / length
 
 
-def _catenary_length_and_tension(
+def _catenary_length_and_mean_tension(
     span: float, drop: float, weight: float, name: str, value: float
 ) -> tuple[float, float]:
-    """Length and mean tension of a catenary by length, sag or horizontal tension.
+    """Length [m] and mean tension [N] of a catenary;  name, value : "length", "sag" or "horizontal_tension".
 
     u = asinh(slope) falls by span/a; ds = a cosh(u) du, T = H cosh(u).
     """
@@ -188,13 +199,18 @@ def _catenary_length_and_tension(
         from scipy.optimize import brentq  # slow to import
 
         which = 0 if name == "length" else 1
-        a = math.exp(brentq(lambda x: catenary(math.exp(x))[which] - value, math.log(0.1 * span), math.log(1e6 * span)))
+
+        def excess(log_a: float) -> float:
+            return catenary(math.exp(log_a))[which] - value
+
+        a = math.exp(brentq(excess, math.log(0.1 * span), math.log(1e6 * span)))
     length, _, middle, half = catenary(a)
-    return length, a * weight * (half + 0.5 * math.sinh(2.0 * half) * math.cosh(2.0 * middle)) * a / length
+    squares = half + 0.5 * math.sinh(2.0 * half) * math.cosh(2.0 * middle)  # integral of cosh(u)^2
+    return length, a * weight * squares * a / length
 
 
-def height_along_slope(position: Array, tension: Array, start: float) -> float:
-    """T/H at which the falling curve of tensions over positions (n,) meets the slope of 1 through `start`.
+def ordinate_on_unit_slope(position: Array, tension: Array, start: float) -> float:
+    """T/H at which the falling curve of tensions over positions (n,) meets the slope of 1 through (start, 0).
 
     A distance (Levy's) in s_o/l and T/H: of positions at a steep front, of tensions on a gentle slope.
     """

@@ -41,13 +41,16 @@ def run_in_parallel(
     def work(i: int) -> Result:
         return jobs[i](lambda *progressed: queue.put(progressed))
 
+    def pass_on_progress() -> None:
+        while not queue.empty():
+            report(*queue.get())
+
     with _forked_pool(len(jobs), work) as submit:
         futures = [submit(i) for i in range(len(jobs))]
         running = set(futures)
         while running:
             done, running = wait(running, timeout=0.1, return_when=FIRST_COMPLETED)
-            while not queue.empty():
-                report(*queue.get())
+            pass_on_progress()
             for future in done:
                 future.result()  # raises what the job raised
             if done and running:
@@ -59,7 +62,7 @@ def run_in_parallel(
 def map_in_parallel(
     work: Callable[[Item], Result], items: Sequence[Item], on_result: Callable[[int, Result], None]
 ) -> None:
-    """Call on_result(i, work(items[i])) for all items, each when it is done."""
+    """Work on all items in other processes; here call on_result(i, result of items[i]) when each is done."""
     if len(items) < 2 or not _can_fork():
         for i, item in enumerate(items):
             on_result(i, work(item))
@@ -71,7 +74,7 @@ def map_in_parallel(
 
 @contextmanager
 def do_in_background(work: Callable[[], object]) -> Iterator[None]:
-    """Do work in another process while the body runs, or after it without forks."""
+    """Do work in another process while the body runs, or after it without forks; raises what it raised."""
     if not _can_fork():
         yield
         work()
@@ -84,9 +87,10 @@ def do_in_background(work: Callable[[], object]) -> Iterator[None]:
 
 @contextmanager
 def _forked_pool(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..., Future]]:
+    """Gives a function that submits call(*arguments) to a worker; an exception in the body ends all workers."""
     context = multiprocessing.get_context("fork")
     before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, context, initializer=_start_worker, initargs=(call,))
+    pool = ProcessPoolExecutor(workers, context, initializer=_initialise_worker, initargs=(call,))
     try:
         with warnings.catch_warnings():
             # a fork beside threads that only draw
@@ -104,7 +108,7 @@ def _forked_pool(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..
         raise
 
 
-def _start_worker(call: Callable[..., Any]) -> None:
+def _initialise_worker(call: Callable[..., Any]) -> None:
     # Ctrl+C reaches all processes of a terminal: the first one answers, and ends the others
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _inherited_calls.append(call)

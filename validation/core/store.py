@@ -25,8 +25,8 @@ class Refused(ValueError):
         return "\n".join(self.faults)
 
 
-def study_folder(name: str, quick: bool) -> str:
-    """Name of the folder of a study; a quick one has a folder of its own."""
+def study_folder_name(name: str, quick: bool) -> str:
+    """A quick study has a folder of its own."""
     return f"{name}-quick" if quick else name
 
 
@@ -48,7 +48,7 @@ def claim_folder(out: Path | None, command: str, scene: Any, writes: Sequence[st
             shared = set(writes) & set(result["writes"])
             outdated = result["scene"] != text if other == command else shared
             if outdated:
-                _delete_result(folder, other, results.pop(other))
+                _delete_files_of_result(folder, other, results.pop(other))
         before = results.get(command, {"writes": [], "files": []})
         results[command] = {
             "scene": text, "writes": sorted({*before["writes"], *writes}), "files": before["files"],
@@ -72,9 +72,9 @@ def _refuse_foreign_files(folder: Path, results: dict[str, Any], writes: Sequenc
             raise Refused(f"{folder} holds {name}, which this version of cablefem did not write; {_REMEDY}")
 
 
-def _delete_result(folder: Path, command: str, result: dict[str, Any]) -> None:
+def _delete_files_of_result(folder: Path, command: str, result: dict[str, Any]) -> None:
     """Delete the files that a command wrote, and folders that are empty then."""
-    pages_file(folder, command).unlink(missing_ok=True)
+    pages_path(folder, command).unlink(missing_ok=True)
     for name in result["files"]:
         (folder / name).unlink(missing_ok=True)
     for top in result["writes"]:
@@ -84,12 +84,15 @@ def _delete_result(folder: Path, command: str, result: dict[str, Any]) -> None:
 
 
 def _files_below(folder: Path, names: Sequence[str]) -> list[str]:
-    found = [x for name in names for x in (folder / name, *(folder / name).rglob("*")) if x.is_file()]
+    """Paths in the folder of files with these names, and of all files in folders with them."""
+    found: list[Path] = []
+    for name in names:
+        found += [x for x in (folder / name, *(folder / name).rglob("*")) if x.is_file()]
     return [str(x.relative_to(folder)) for x in found]
 
 
 def mark_finished(folder: Path, command: str) -> None:
-    """Note the files that a command wrote; those there before it are not ours."""
+    """Note in the folder's marker which files a command wrote; those there before it are not ours."""
     if marker := _read_marker(folder):
         result = marker["results"][command]
         result["files"] = sorted(set(_files_below(folder, result["writes"])) - set(result["foreign"]))
@@ -101,22 +104,24 @@ def is_finished(folder: Path, command: str) -> bool:
     return bool(_read_marker(folder).get("results", {}).get(command, {}).get("finished"))
 
 
-def commands_with_results(folder: Path) -> list[str]:
-    """Commands with results on the latest scene."""
+def commands_on_latest_scene(folder: Path) -> list[str]:
+    """Commands that have results on the scene of the latest one."""
     marker = _read_marker(folder)
     return [command for command, result in marker.get("results", {}).items() if result["scene"] == marker["scene"]]
 
 
 def scene_title(folder: Path) -> str:
+    """Title, else name, of the latest scene; "" without one."""
     scene = tomllib.loads(_read_marker(folder).get("scene", ""))
     return scene.get("title") or scene.get("name") or ""
 
 
-def pages_file(folder: Path, command: str) -> Path:
+def pages_path(folder: Path, command: str) -> Path:
+    """Where a command's sections of the report are stored."""
     return folder / f".{command}.pages.json"
 
 
-def shipped_toml(package: str | None, name: str) -> dict[str, Any]:
+def read_packaged_toml(package: str | None, name: str) -> dict[str, Any]:
     return tomllib.loads((resources.files(package or "") / name).read_text(encoding="utf-8"))
 
 
@@ -126,10 +131,11 @@ def read_json(file: Path) -> Any:
 
 def _read_marker(folder: Path) -> dict[str, Any]:
     """What the folder's marker says; {} without one, or with an older version's."""
-    marker = stored_json(folder / MARKER)
-    known = {"scene", "results"} <= set(marker) and isinstance(marker["results"], dict)
-    results = marker["results"].values() if known else ()
-    return marker if known and all(isinstance(x, dict) and "files" in x for x in results) else {}
+    marker = read_json_with_entries(folder / MARKER)
+    if not ({"scene", "results"} <= set(marker) and isinstance(marker["results"], dict)):
+        return {}
+    ours = all(isinstance(result, dict) and "files" in result for result in marker["results"].values())
+    return marker if ours else {}
 
 
 def _write_marker(folder: Path, marker: dict[str, Any]) -> None:
@@ -138,29 +144,26 @@ def _write_marker(folder: Path, marker: dict[str, Any]) -> None:
     write_json(folder / MARKER, marker)
 
 
-def stored_json(file: Path, **same: Any) -> dict[str, Any]:
-    """The JSON object in a file if it has the entries `same`, else {}."""
+def read_json_with_entries(file: Path, **entries: Any) -> dict[str, Any]:
+    """The JSON object in a file if it has these entries, else {}."""
     try:
         content = read_json(file)
-        known = isinstance(content, dict) and all(content[name] == value for name, value in same.items())
-        return content if known else {}
+        same = isinstance(content, dict) and all(content[name] == value for name, value in entries.items())
+        return content if same else {}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 
 
-def compute_missing(
+def compute_and_store_missing(
     file: Path, jobs: dict[str, Any], work: Callable[[Any], Any], report: Callable[[float], None]
 ) -> dict[str, Any]:
-    """work(job) by key; each result is kept in a file and not computed again."""
+    """work(job) by key; each result is a row of a file and not computed again.
+
+    report : is given the fraction done.
+    """
     from validation.core.sidebyside import map_in_parallel
 
-    done: dict[str, Any] = {}
-    for line in file.read_text(encoding="utf-8").splitlines() if file.exists() else ():
-        try:
-            key, item = json.loads(line)
-        except (ValueError, TypeError):
-            continue
-        done[key] = item
+    done = _stored_results(file)
     missing = [key for key in jobs if key not in done]
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("a", encoding="utf-8") as out:
@@ -175,6 +178,19 @@ def compute_missing(
 
         map_in_parallel(lambda key: nulls_for_nonfinite(work(jobs[key])), missing, keep)
     return {key: done[key] for key in jobs}
+
+
+def _stored_results(file: Path) -> dict[str, Any]:
+    """Results by key, one a row [key, result]; without rows that were cut off, and without the file none."""
+    done: dict[str, Any] = {}
+    rows = file.read_text(encoding="utf-8").splitlines() if file.exists() else ()
+    for row in rows:
+        try:
+            key, result = json.loads(row)
+        except (ValueError, TypeError):
+            continue
+        done[key] = result
+    return done
 
 
 def nulls_for_nonfinite(x: Any) -> Any:

@@ -14,27 +14,32 @@ Stretches = list[tuple[float, float, float]]  # duration [s], initial accelerati
 def start_position(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
     """Where the car begins [m]."""
     rolls = drive.get("mode", "grip") != "grip"
-    return float(travel.get("from", drive.get("start", 0.01 * length if rolls else 0.0)))
+    default = 0.01 * length if rolls else 0.0
+    return float(travel.get("from", drive.get("start", default)))
+
+
+def _distance(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
+    """Of the whole travel [m]."""
+    end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
+    return travel.get("to", end) - start_position(travel, drive, length)
 
 
 def positions_at(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Array) -> Array:
     """s_o (n,) [m] at times t (n,), tables excepted."""
     start = start_position(travel, drive, length)
-    end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
-    speed, stretches = _speed_and_stretches(travel, travel.get("to", end) - start)
+    speed, stretches = _start_speed_and_stretches(travel, _distance(travel, drive, length))
     if "stop" not in travel:
-        return _motion_along(start, speed, stretches, t)[0]
+        return _position_and_speed(start, speed, stretches, t)[0]
     begin = travel["stop"]["time"]
     hard = travel["stop"]["deceleration"]
-    s, v = _motion_along(start, speed, stretches, np.minimum(t, begin))
+    s, v = _position_and_speed(start, speed, stretches, np.minimum(t, begin))
     x = np.clip(t - begin, 0.0, v / hard)
     return s + x * (v - 0.5 * hard * x)
 
 
-def ramp_accelerations(travel: dict[str, Any], drive: dict[str, Any], length: float) -> Array:
+def accelerations_at_stretch_ends(travel: dict[str, Any], drive: dict[str, Any], length: float) -> Array:
     """Accelerations at both ends of each stretch (n,) [m/s2], tables excepted; a stop counts."""
-    end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
-    _, stretches = _speed_and_stretches(travel, travel.get("to", end) - start_position(travel, drive, length))
+    _, stretches = _start_speed_and_stretches(travel, _distance(travel, drive, length))
     rates = [0.0]
     for duration, a, jerk in stretches:
         rates += [a, a + jerk * duration if jerk else a]
@@ -43,8 +48,8 @@ def ramp_accelerations(travel: dict[str, Any], drive: dict[str, Any], length: fl
     return np.array(rates)
 
 
-def _motion_along(start: float, speed: float, stretches: Stretches, t: Array) -> tuple[Array, Array]:
-    """Place and speed (n,) at times t; at rest after the last stretch."""
+def _position_and_speed(start: float, speed: float, stretches: Stretches, t: Array) -> tuple[Array, Array]:
+    """(n,) each at times t, from a start [m] with a speed [m/s]; at rest after the last stretch."""
     s = np.full(t.shape, start)
     v = np.full(t.shape, speed)
     begin = 0.0
@@ -56,13 +61,16 @@ def _motion_along(start: float, speed: float, stretches: Stretches, t: Array) ->
     return s, v
 
 
-def _speed_and_stretches(law: dict[str, Any], distance: float) -> tuple[float, Stretches]:
+def _start_speed_and_stretches(law: dict[str, Any], distance: float) -> tuple[float, Stretches]:
     kind = law["kind"]
     if kind == "constant_speed":
         V = law["speed"]
+        cruise = (math.inf, 0.0, 0.0)
         T = 1.5 * law.get("entry_ramp", 0.0) / V
-        # a ramp from rest to zero acceleration
-        return (0.0, [(T, 2.0 * V / T, -2.0 * V / T**2), (math.inf, 0.0, 0.0)]) if T else (V, [(math.inf, 0.0, 0.0)])
+        if not T:
+            return V, [cruise]
+        ramp_to_zero_acceleration = (T, 2.0 * V / T, -2.0 * V / T**2)
+        return 0.0, [ramp_to_zero_acceleration, cruise]
     if kind == "constant_acceleration":
         return law.get("initial_speed", 0.0), [(math.inf, law["acceleration"], 0.0)]
     V = law["top_speed"]
@@ -81,8 +89,10 @@ def _speed_and_stretches(law: dict[str, Any], distance: float) -> tuple[float, S
         return [(rise, 0.0, sign * jerk), (hold, sign * peak, 0.0), (rise, sign * peak, -sign * jerk)]
 
     def distance_of_ramps(V: float) -> float:
-        return 0.5 * V * sum(duration for a in (up, down) for duration, _, _ in ramp(V, a, 1.0))
+        durations = [duration for duration, _, _ in ramp(V, up, 1.0) + ramp(V, down, 1.0)]
+        return 0.5 * V * sum(durations)
 
     if distance_of_ramps(V) > distance:
         V = brentq(lambda V: distance_of_ramps(V) - distance, 1e-12 * V, V, xtol=1e-14 * V, rtol=1e-15)
-    return 0.0, [*ramp(V, up, 1.0), ((distance - distance_of_ramps(V)) / V, 0.0, 0.0), *ramp(V, down, -1.0)]
+    cruise = ((distance - distance_of_ramps(V)) / V, 0.0, 0.0)
+    return 0.0, [*ramp(V, up, 1.0), cruise, *ramp(V, down, -1.0)]

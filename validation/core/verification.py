@@ -21,18 +21,20 @@ def verification_rows(a: Ladder, b: Ladder) -> list[Row]:
     for name in computed[0]:
         if not all(name in known for known in numbers):
             continue
-        gap = abs(numbers[0][name]["value"] - numbers[1][name]["value"])
-        i = int(max(numbers[1][name]["bar"], gap) < max(numbers[0][name]["bar"], gap))
-        number = numbers[i][name]
-        other = numbers[1 - i][name]
+        of_a = numbers[0][name]
+        of_b = numbers[1][name]
+        gap = abs(of_a["value"] - of_b["value"])
+        i = int(max(of_b["bar"], gap) < max(of_a["bar"], gap))
+        ladder = (a, b)[i]
+        number, other = (of_b, of_a) if i else (of_a, of_b)
         row = {
-            "quantity": name, "method": (a, b)[i].finest.method, "unit": number["unit"], "value": number["value"],
+            "quantity": name, "method": ladder.finest.method, "unit": number["unit"], "value": number["value"],
             "bar": number["bar"], "other": other["value"], "bar_other": other["bar"], "gap": gap,
             "uncertainty": math.hypot(number["bar"], other["bar"]),
         }  # fmt: skip
         for direction in ("space", "time"):
-            branch = getattr((a, b)[i], direction)
-            levels = branch.finest_half_and_quarter_values((a, b)[i].finest, computed[i][name].extreme_value_or_nan)
+            branch = getattr(ladder, direction)
+            levels = branch.finest_half_and_quarter_values(ladder.finest, computed[i][name].extreme_value_or_nan)
             row |= {
                 f"levels_{direction}": levels, f"ratios_{direction}": list(branch.ratios),
                 f"order_{direction}": observed_order(levels, branch.ratios),

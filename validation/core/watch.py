@@ -13,23 +13,26 @@ from validation.core.measures import SLACK_END
 from validation.core.methods import Method
 
 MAX_GAIN = 0.2  # of the energy's range; right runs gain 0.12, wrong ones 0.6
-TEXTS = store.shipped_toml(__package__, "flags.toml")
+TEXTS = store.read_packaged_toml(__package__, "flags.toml")
 
 
 def make_flag(kind: str, **numbers: float | str) -> Flag:
-    """A flag of a kind in flags.toml with its numbers."""
+    """A flag of a kind in flags.toml with its numbers; KeyError if one is missing."""
     made = Flag(kind, TEXTS[kind], numbers)
-    str(made)  # fails if a number is missing
+    str(made)  # raises if a number is missing
     return made
 
 
 def with_flag(r: Response, kind: str, **numbers: float | str) -> Response:
+    """The response with one more flag; see `make_flag`."""
     return replace(r, flags=[*r.flags, make_flag(kind, **numbers)])
 
 
 def with_flags(r: Response, scene: Scene, method: Method) -> Response:
     """The response with its energy gain before slack, and its flags; both are computed when they are looked at."""
-    r = r.with_lazy_fields(energy_gain=partial(_energy_gain_while_taut, scene), flags=partial(_flags, scene, method))
+    r = r.with_lazy_fields(
+        energy_gain=partial(_energy_gain_while_taut, scene), flags=partial(_error_flags, scene, method)
+    )
     if r.cause is None:
         return r
     energy = next((flag for flag in r.flags if flag.kind == "energy"), None)
@@ -41,12 +44,14 @@ def with_flags(r: Response, scene: Scene, method: Method) -> Response:
 def _taut_window(r: Response) -> measures.Window | None:
     """The part of the run, s_o/l, in which it is taut and comparable; None if nothing can be said of it."""
     reached = math.inf if r.drive == "free" else r.reached  # a ride may roll back
-    window = 0.0, min(measures.WINDOW[1], reached, math.inf if r.switched is None else r.switched)
+    switched = math.inf if r.switched is None else r.switched
+    window = 0.0, min(measures.WINDOW[1], reached, switched)
     enough = r.t.size >= 3 and r.max_deflection > 0.0 and measures.steps_in_window(r, window).any()
     return window if enough else None
 
 
 def _energy_gain_while_taut(scene: Scene, r: Response) -> float | None:
+    """Relative, see `measures.relative_energy_gain`; None if nothing can be said."""
     taut = _taut_window(r)
     if taut is None:
         return None
@@ -54,7 +59,7 @@ def _energy_gain_while_taut(scene: Scene, r: Response) -> float | None:
     return measures.relative_energy_gain(r, scene.mass.mass * scene.gravity, taut)
 
 
-def _flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
+def _error_flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
     taut = _taut_window(r)
     if taut is None:
         return []
@@ -63,7 +68,7 @@ def _flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
     weight = scene.mass.mass * scene.gravity
     range_of_energy = float(np.ptp(r.energy[measures.steps_in_window(r, taut)]))
     unit = max(1.0, range_of_energy / (weight * r.max_deflection))
-    flags = _wave_flags(r, scene, method)
+    flags = _slow_wave_and_compression_flags(r, scene, method)
     if scene.speed_ratio is not None and scene.speed_ratio >= 1.0:
         # V/c = 1.1: half the true error; 1.5: no convergence
         flags.insert(0, make_flag("fast", speed_ratio=scene.speed_ratio))
@@ -73,6 +78,7 @@ def _flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
 
 
 def _slack_energy_flags(r: Response, weight: float, unit: float) -> list[Flag]:
+    """A flag if energy is gained past the slack onset;  unit : range of the energy, of weight times deflection."""
     if r.switched is None or not measures.steps_in_window(r, (r.switched, SLACK_END)).any():
         return []
     gain = measures.relative_energy_gain(r, weight, (r.switched, SLACK_END)) / unit
@@ -80,7 +86,7 @@ def _slack_energy_flags(r: Response, weight: float, unit: float) -> list[Flag]:
     return [] if gain <= largest else [make_flag("slack energy", gain=gain, since=r.switched)]
 
 
-def _wave_flags(r: Response, scene: Scene, method: Method) -> list[Flag]:
+def _slow_wave_and_compression_flags(r: Response, scene: Scene, method: Method) -> list[Flag]:
     """Flag waves, of speed sqrt(N/rho), slower than the mass, and compression in part of an element."""
     if not method.resolves_waves:
         return []

@@ -25,8 +25,8 @@ from cablefem.scene.contacts import Car, MovingLine
 from cablefem.scene.line import Line
 
 
-def with_wheel_loads(motion: LineMotion, line: Line, moving: MovingLine, states: Sequence[State]) -> LineMotion:
-    """The motion with loads by hand of the wheels of point cars."""
+def with_wheel_loads_by_hand(motion: LineMotion, line: Line, moving: MovingLine, states: Sequence[State]) -> LineMotion:
+    """The motion with wheel loads of those point cars that have a wheel base."""
     cars = list(motion.cars)
     for i, (table, car) in enumerate(zip(line.car, moving.cars, strict=True)):
         wheels = table.wheels
@@ -54,13 +54,14 @@ def wheel_loads_by_hand(wheels: Wheels, car: Car, x: CarMotion, thrust: Array, g
     return rear, x.contact_force - rear
 
 
-def pitch_period(wheels: Wheels, mass: float, N: float) -> float:
-    """About the period [s] of the pitch of a car on two wheels where the tension is N."""
-    return 2.0 * math.pi * math.sqrt((wheels.inertia + mass * wheels.below**2) / (N * wheels.base))
+def approximate_pitch_period(wheels: Wheels, mass: float, N: float) -> float:
+    """Of a car on two wheels where the tension is N [s]."""
+    inertia = wheels.inertia + mass * wheels.below**2
+    return 2.0 * math.pi * math.sqrt(inertia / (N * wheels.base))
 
 
 def neglected_wheel_load(wheels: Wheels, mass: float, gravity: float, t: Array, x: CarMotion) -> float:
-    """What loads by hand at times t (n,) leave out [N].
+    """The largest of what loads by hand at times t (n,) leave out [N].
 
     The normals of the wheels are R_1/(2 N) and R_2/(2 N) off that of the rope between them, which has turned by half of
     (R_2 - R_1)/N.  Pitch answers a change within half its period by as much again.
@@ -72,7 +73,8 @@ def neglected_wheel_load(wheels: Wheels, mass: float, gravity: float, t: Array, 
     along = mass * gravity * np.abs(tau[:, 1]) / np.linalg.norm(tau, axis=1)
     lever = np.abs(wheels.below * x.contact_force) / wheels.base + 0.5 * along
     tilted = lever * np.abs(front - rear) / (2.0 * N)
-    later = np.interp(t + 0.5 * pitch_period(wheels, mass, float(np.min(N))), t, rear)
+    period = approximate_pitch_period(wheels, mass, float(np.min(N)))
+    later = np.interp(t + 0.5 * period, t, rear)
     return float(np.max(tilted) + np.max(np.abs(later - rear)))
 
 

@@ -12,7 +12,7 @@ from cablefem.response import Array
 from cablefem.scene.line import Car, Contact, Line
 from validation.core import store
 from validation.core.quantities import quantity_text
-from validation.core.scene_data import read_columns
+from validation.core.scene_data import read_csv_columns
 from validation.page import line as at_rest
 from validation.page.answer.many import Columns, Row
 from validation.page.line import series_figure, stored_limits_table, table_columns_with_outcome
@@ -99,8 +99,8 @@ def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str |
     summary = store.read_json(folder / "summary.json")
     toml = (folder / "scene.toml").read_text(encoding="utf-8")
     line = tomllib.loads(toml)
-    contacts = read_columns(folder / "contacts.csv")
-    paths = {car["name"]: read_columns(folder / f"path-{car['name']}.csv") for car in line["car"]}
+    contacts = read_csv_columns(folder / "contacts.csv")
+    paths = {car["name"]: read_csv_columns(folder / f"path-{car['name']}.csv") for car in line["car"]}
     compared = _named_comparisons(check_rows)
     laws = [row for row in compared if row["quantity"] in ("laws_si", "energy")]
     alarm = "disagree" if summary["outcome_kind"] in ("breaks", "collides", "incomplete") else None
@@ -125,7 +125,7 @@ def _named_comparisons(rows: Sequence[Row]) -> list[Row]:
 def _moving_side_view(folder: Path, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Markup:
     """The side view in motion: rope, cars with what hangs and turns, counterweights."""
     line = Line.load(folder / "scene.toml")
-    rope = read_columns(folder / "rope.csv")
+    rope = read_csv_columns(folder / "rope.csv")
     t = np.unique(rope["t"])
     s = np.unique(rope["s"])
     steps = np.searchsorted(contacts["t"], t)
@@ -144,7 +144,7 @@ def _moving_side_view(folder: Path, contacts: dict[str, Array], paths: dict[str,
         "s": six_digits(s),
         "x": [0.0] * s.size,
         "y": [0.0] * s.size,
-        **_still_parts_of_side_view(line, read_columns(folder / "profile.csv"), paths),
+        **_still_parts_of_side_view(line, read_csv_columns(folder / "profile.csv"), paths),
         "cables": [moving],
         "party": None,
     }

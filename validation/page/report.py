@@ -29,9 +29,11 @@ def write_report_and_finish(folder: Path, command: str, faults: Sequence[str] = 
     if faults:
         text = Markup("").join(callout(fault, "disagree") for fault in faults)
         drawn.insert(0, Section("read-back", "What was written is not what was computed", text, "disagree"))
-    write_json(store.pages_file(folder, command), [asdict(section) for section in drawn])
+    write_json(store.pages_path(folder, command), [asdict(section) for section in drawn])
     done = [
-        other for other in store.commands_with_results(folder) if other == command or store.is_finished(folder, other)
+        other
+        for other in store.commands_on_latest_scene(folder)
+        if other == command or store.is_finished(folder, other)
     ]
     sections = _with_unique_ids((other, section) for other in done for section in read_stored_sections(folder, other))
     title = store.scene_title(folder) or next((s.title for s in sections), folder.name)
@@ -64,7 +66,7 @@ def report_read_back_faults(folder: Path, command: str, faults: Sequence[str]) -
 def read_stored_sections(folder: Path, command: str) -> list[Section]:
     """The stored pages of a command, or one that says why there are none."""
     try:
-        pages = store.read_json(store.pages_file(folder, command))
+        pages = store.read_json(store.pages_path(folder, command))
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
     except (OSError, ValueError, TypeError, KeyError):
         text = callout(f"Its pages are gone or of another version; run cablefem {command} again.", "not comparable")
@@ -88,7 +90,7 @@ def claim_for_missing_parts(root: Path, parts: Sequence[Part]) -> list[Part]:
 
     A folder with the results of one scene lacks nothing.
     """
-    if set(store.commands_with_results(root)) - {"report"}:
+    if set(store.commands_on_latest_scene(root)) - {"report"}:
         return []
     store.claim_folder(root, "report", "report", ["report.html"])
     return [part for part in parts if not store.is_finished(root / _folder_name_of_part(part), part[0])]
@@ -140,7 +142,9 @@ def _finished_results(root: Path, parts: Sequence[Part]) -> list[tuple[str, Path
     done = []
     for folder in [root, *sorted(root.glob("*/"))]:
         done += [
-            (command, folder) for command in store.commands_with_results(folder) if store.is_finished(folder, command)
+            (command, folder)
+            for command in store.commands_on_latest_scene(folder)
+            if store.is_finished(folder, command)
         ]
     return sorted(done, key=lambda result: rank.get((result[0], result[1].name), len(rank)))
 
@@ -150,7 +154,7 @@ def _folder_name_of_part(part: Part) -> str:
     command, *arguments = part
     if arguments and not arguments[0].startswith("-"):
         return arguments[0]
-    return store.study_folder(command, "--quick" in arguments)
+    return store.study_folder_name(command, "--quick" in arguments)
 
 
 def print_findings(sections: Sequence[Section]) -> None:

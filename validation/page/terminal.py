@@ -22,7 +22,7 @@ def print_verdict(verdict: str) -> None:
     """Print the verdict on a whole check as a sentence."""
     from validation.core import store
 
-    sentences = store.shipped_toml(__package__, "assets/verdicts.toml")
+    sentences = store.read_packaged_toml(__package__, "assets/verdicts.toml")
     print_text(sentences[verdict], style=STYLES[verdict])
 
 

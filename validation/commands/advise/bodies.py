@@ -24,7 +24,7 @@ from validation.core import store
 from validation.core.agreement import FORCES
 from validation.core.motion_rows import LineRun, turning_and_wheel_load_series
 from validation.core.sidebyside import Progress, no_progress
-from validation.core.wheels import neglected_wheel_load, pitch_period
+from validation.core.wheels import approximate_pitch_period, neglected_wheel_load
 
 Row = dict[str, Any]
 
@@ -86,7 +86,7 @@ def _shortest_ramp(car: Car) -> float:
 def _body_period(table: CarTable, gravity: float, x: CarMotion) -> float:
     """Period [s] of the pitch, longest where the rope is least taut, or of the swing."""
     if table.wheels is not None:
-        return pitch_period(table.wheels, table.mass, float(np.min(x.tension_ahead)))
+        return approximate_pitch_period(table.wheels, table.mass, float(np.min(x.tension_ahead)))
     assert table.hanger is not None
     h = table.hanger.length
     return 2.0 * math.pi * math.sqrt((table.hanger.gyration**2 + h**2) / (gravity * h))

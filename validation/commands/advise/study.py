@@ -116,7 +116,7 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = no_progress) 
     if not (math.isfinite(tol) and 0.0 < tol < 1.0):
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
     file = out / "advice.json"
-    stored = store.stored_json(file, scene_toml=scene.to_toml(), asked=required_tolerances(scene, tol))
+    stored = store.read_json_with_entries(file, scene_toml=scene.to_toml(), asked=required_tolerances(scene, tol))
     if stored:
         return stored
     content = advice(scene, tol, report)

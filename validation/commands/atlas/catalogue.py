@@ -18,14 +18,14 @@ from validation.commands.modes.study import scaled_cable_frequencies
 from validation.commands.paper import measured
 from validation.commands.paper.vibration import free_vibration_energy
 from validation.core import measures, running, store
-from validation.core.trust import convergence_limit, gap_past_slack
+from validation.core.trust import convergence_limit, max_path_gap_past_slack
 from validation.core.watch import MAX_GAIN
 from validation.page import page
 
 Row = dict[str, Any]
 Groups = dict[str, float]  # of the level scene, changed
 
-CATALOGUE: tuple[Row, ...] = tuple(store.shipped_toml(__package__, "catalogue.toml")["row"])
+CATALOGUE: tuple[Row, ...] = tuple(store.read_packaged_toml(__package__, "catalogue.toml")["row"])
 
 
 def run_row(row: Row) -> Row:
@@ -116,7 +116,7 @@ def frequency_error(J: int, reading: Literal["literal", "scaling"]) -> float:
 
 def slack_path_gap(a: Response, b: Response, last: float = 1.0) -> float:
     """Distance of two paths on the slack cable, as far as both go."""
-    return gap_past_slack(a, b, min(a.reached, b.reached, last))
+    return max_path_gap_past_slack(a, b, min(a.reached, b.reached, last))
 
 
 def entry_error(**finer: float) -> float:

@@ -2,7 +2,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from validation.core.store import study_folder
+from validation.core.store import study_folder_name
 from validation.page.options import Quick, out_option, run_study
 
 EXAMPLE = "cablefem atlas"
@@ -17,6 +17,6 @@ def command(quick: Quick = False, out: Annotated[Path | None, out_option("atlas"
     from validation.commands.atlas.study import atlas
 
     result = run_study(
-        "atlas", study_folder("atlas", quick), ["atlas.json", "cells.jsonl"], out, partial(atlas, quick=quick)
+        "atlas", study_folder_name("atlas", quick), ["atlas.json", "cells.jsonl"], out, partial(atlas, quick=quick)
     )
     return 0 if result["verdict"] == "agree" else 1

@@ -13,7 +13,7 @@ from validation.page.figures import captioned_figure, figure_with_axes, report_s
 from validation.page.page import Section, render_sections
 from validation.page.plot import BLUE, GREY
 
-MAPS = store.shipped_toml(__package__, "maps.toml")
+MAPS = store.read_packaged_toml(__package__, "maps.toml")
 CLASSES: dict[str, tuple[str, str, str]] = MAPS["classes"]
 CAUSES: dict[str, tuple[str, str, str, str]] = MAPS["causes"]
 

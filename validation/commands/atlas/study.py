@@ -20,7 +20,7 @@ from validation.core.sidebyside import Progress, no_progress
 
 CELLS = "cells.jsonl"
 RESULT = "atlas.json"
-MAPS = store.shipped_toml(__package__, "maps.toml")
+MAPS = store.read_packaged_toml(__package__, "maps.toml")
 
 Map = dict[str, Any]  # as in maps.toml
 
@@ -68,7 +68,7 @@ def atlas(
         maps = [_every_fifth_value(m) for m in maps]
         rows = rows[::5]
     jobs = _jobs_by_key(maps, rows)
-    results = store.compute_missing(out / CELLS, jobs, lambda job: job(), partial(progress, "atlas"))
+    results = store.compute_and_store_missing(out / CELLS, jobs, lambda job: job(), partial(progress, "atlas"))
     cells_of_maps = []
     catalogue_rows = []
     for key, result in results.items():

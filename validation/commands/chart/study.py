@@ -41,7 +41,7 @@ from validation.page.page import package_versions
 from validation.peers import PEERS, PeerPath, import_failure_reason
 
 STOP = measures.WINDOW[1]
-SETTINGS = store.shipped_toml(__package__, "chart.toml")
+SETTINGS = store.read_packaged_toml(__package__, "chart.toml")
 REFERENCE = SETTINGS["reference"]
 REFERENCE_OF_RIDES = SETTINGS["reference_of_rides"]
 WITNESS = SETTINGS["witness"]
@@ -69,7 +69,7 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
     budget : [s] for all runs; a line of the chart that has spent its share leaves rows "not run".
     """
     path = out / "chart.json"
-    before = store.stored_json(path, scene_toml=scene.to_toml())
+    before = store.read_json_with_entries(path, scene_toml=scene.to_toml())
     report("reference", 0.0)
     truth = _Reference.of(scene, before.get("reference"))
     rows: list[Row] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]

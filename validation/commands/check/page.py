@@ -13,7 +13,7 @@ from validation.page.answer.content import answer_page_content
 from validation.page.answer.stored import read_stored_check
 from validation.page.page import VERDICTS, Section, render_sections, worst_verdict
 
-WORDS = store.shipped_toml(__package__, "words.toml")
+WORDS = store.read_packaged_toml(__package__, "words.toml")
 LINE_PAGES: dict[str, tuple[Callable[..., list[Section]], Callable[[Path], list[Section]]]] = {
     "rest-check": (line.rest_sections, line.line_grid_sections),
     "motion-check": (motion.motion_sections, motion.motion_grid_sections),

@@ -18,7 +18,7 @@ class Entry(NamedTuple):
 
 def dictionary_entries() -> Iterator[Entry]:
     """The data dictionary; design numbers and quantities of a line have the names that their writers take."""
-    for file, keys in store.shipped_toml(__package__, "files.toml").items():
+    for file, keys in store.read_packaged_toml(__package__, "files.toml").items():
         for key, text in keys.items():
             unit, meaning = re.fullmatch(r"\[(.*?)\] (.*)", text).groups()  # type: ignore[union-attr]
             yield Entry(file, key, unit, meaning)

@@ -2,7 +2,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from validation.core.store import study_folder
+from validation.core.store import study_folder_name
 from validation.page.options import Quick, out_option, run_study
 
 EXAMPLE = "cablefem oracles"
@@ -17,7 +17,7 @@ def command(quick: Quick = False, out: Annotated[Path | None, out_option("oracle
 
     found = run_study(
         "oracles",
-        study_folder("oracles", quick),
+        study_folder_name("oracles", quick),
         ["oracles.json", "oracles.jsonl"],
         out,
         partial(oracle_table, quick=quick),

@@ -122,7 +122,9 @@ def oracle_table(out: Path, progress: Progress = no_progress, *, quick: bool = F
     """
     computed = _one_of_each(all_tasks()) if quick else all_tasks()
     jobs = {json.dumps(task.key): task for task in computed}
-    results = store.compute_missing(out / ROWS, jobs, lambda task: task.compute(), partial(progress, "oracles"))
+    results = store.compute_and_store_missing(
+        out / ROWS, jobs, lambda task: task.compute(), partial(progress, "oracles")
+    )
     rows = list(results.values())
     as_expected = all(row["verdict"] == row["expected"] for row in rows)
     exact = [

@@ -23,7 +23,7 @@ Row = dict[str, Any]
 
 def judged_claims(names: Row) -> list[Row]:
     """All claims of claims.toml, judged, as they are stored; names : of `known.claim_names`."""
-    content = store.shipped_toml(__package__, "claims.toml")
+    content = store.read_packaged_toml(__package__, "claims.toml")
     out = []
     for claim in content["claim"]:
         readings = claim.get("readings", False)

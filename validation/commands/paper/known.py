@@ -52,7 +52,7 @@ def claim_numbers(runs: Runs, file: Path, report: Progress, quick: bool = False)
     }  # fmt: skip
     conditions = level.to_toml(), inclined.to_toml(), SETTINGS["overshoot"] | {"terms": ladders}, swing, quick
     keyed = {json.dumps((name, *conditions)): job for name, job in jobs.items()}
-    results = store.compute_missing(file, keyed, lambda job: job(), partial(report, "numbers"))
+    results = store.compute_and_store_missing(file, keyed, lambda job: job(), partial(report, "numbers"))
     return dict(zip(jobs, results.values(), strict=True))
 
 

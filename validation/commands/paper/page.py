@@ -21,7 +21,7 @@ from validation.page.figures import captioned_figure, figure_with_axes, report_s
 from validation.page.page import Section, number_html, render_sections
 from validation.page.plot import BLACK, BLUE, GREY
 
-FIGURES = store.shipped_toml(__package__, "figures.toml")
+FIGURES = store.read_packaged_toml(__package__, "figures.toml")
 LOOKS: dict[str, dict[str, Any]] = FIGURES["looks"]
 STATIC = LOOKS["static"] | {"label": "static"}
 DOTTED = {"color": GREY, "linewidth": 0.8, "linestyle": (0, (1, 2))}

@@ -15,7 +15,7 @@ from validation.core.methods import find_method, scaled_settings
 from validation.core.running import run
 from validation.core.sidebyside import Progress, map_in_parallel
 
-SETTINGS = store.shipped_toml(__package__, "runs.toml")
+SETTINGS = store.read_packaged_toml(__package__, "runs.toml")
 
 
 def paper_scenes() -> dict[str, Scene]:

@@ -41,7 +41,7 @@ from validation.core.readback import (
     line_outcome_faults,
 )
 from validation.core.sidebyside import Progress, map_in_parallel, no_progress
-from validation.core.wheels import pitch_period, with_wheel_loads
+from validation.core.wheels import approximate_pitch_period, with_wheel_loads_by_hand
 from validation.page import terminal
 from validation.page.line import print_line_summary
 from validation.page.motion import TABLE_QUANTITIES, comparison_words, design_number_rows, motion_unit
@@ -223,7 +223,9 @@ class LineRuns:
         self.period = 2.0 * self.length * math.sqrt(rope.mass_per_length / rope.EA)
         total = self.line.t_end
         N = float(np.nanmax(empty.station_tensions))
-        pitches = [pitch_period(car.wheels, car.mass, N) for car in self.line.cars if car.wheels is not None]
+        pitches = [
+            approximate_pitch_period(car.wheels, car.mass, N) for car in self.line.cars if car.wheels is not None
+        ]
         # a car that pitches sends waves along the rope, which damp it: a rope too coarse for them lets it ring
         longest_span = float(np.diff(empty.s).max()) * (1.0 + line.cable.thermal_strain)
         speed = math.sqrt(N / rope.mass_per_length)
@@ -285,7 +287,7 @@ class LineRuns:
         motion = join_motions_in_time(parts)
         return LineRun(
             method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
-            motion=with_wheel_loads(motion, self.table, self.line, run),
+            motion=with_wheel_loads_by_hand(motion, self.table, self.line, run),
             events=events_without_rattling([(e.name, e.t) for e in work.events], self.line, motion), reason=part.reason,
             period=self.period, instants=self.instants, n_dof=n_dof, steps=work.steps,
         )  # fmt: skip

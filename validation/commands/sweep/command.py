@@ -64,7 +64,7 @@ def command(
 def _print_keys() -> int:
     from validation.core import store
 
-    keys = store.shipped_toml(__package__, "keys.toml")
+    keys = store.read_packaged_toml(__package__, "keys.toml")
     groups = keys.pop("groups")
     terminal.print_table(["key", "unit", "meaning", "default"], [[name, *texts] for name, texts in keys.items()])
     terminal.print_text()

@@ -22,7 +22,7 @@ BROKEN = ("cut off", "failed", "died")
 GRACE = 5.0  # [s] between asking a scene to stop and ending its worker
 FRESH = 120.0  # [s] more for a new process, which may load and compile
 LARGEST_TRUTH = 2e6  # steps times elements of a reference
-COLUMNS = store.shipped_toml(__package__, "columns.toml")
+COLUMNS = store.read_packaged_toml(__package__, "columns.toml")
 GROUPS = COLUMNS["groups"]
 DESIGN = COLUMNS["design"]
 

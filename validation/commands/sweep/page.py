@@ -123,7 +123,7 @@ def _draw_outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
 @cache
 def _unit_by_name() -> dict[str, str]:
     """Unit of each axis and each number."""
-    groups = store.shipped_toml(__package__, "keys.toml")["groups"]
+    groups = store.read_packaged_toml(__package__, "keys.toml")["groups"]
     return {key.name: key.unit for key in list_keys(Scene)} | {name: unit for name, (unit, _) in groups.items()}
 
 

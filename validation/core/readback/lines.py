@@ -12,7 +12,7 @@ import numpy as np
 from validation.core.readback.limits import LIMIT_VERDICT, expected_scope_sentences, limit_row_faults
 from validation.core.readback.stored import Faults, Row, read_json, read_package_toml, worst_asked_verdict
 from validation.core.readback.texts import cell_texts, contents_of_tags, plain_text
-from validation.core.scene_data import Array, read_columns
+from validation.core.scene_data import Array, read_csv_columns
 
 COUNTED = "comparisons of two solvers agree", "laws hold", "kinds of printed numbers are as computed"
 TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
@@ -92,7 +92,7 @@ def line_outcome_faults(folder: Path) -> Faults:
     summary = read_json(folder / "summary.json")
     scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
     design = {number["quantity"]: number for number in summary["design"]}
-    t = read_columns(folder / "contacts.csv")["t"][-1]
+    t = read_csv_columns(folder / "contacts.csv")["t"][-1]
     hit = [x for x in design.values() if x["quantity"].startswith("clearance") and _upper_end_of_bar(x) < TOUCHES]
     same = 1e-9  # relative
     end_events = [x for x in summary["events"] if abs(x["t"] - t) <= same * t]
@@ -128,7 +128,7 @@ def _expected_end_sentences(folder: Path, scene: Row, events: Sequence[Row]) -> 
     """When and how a run ends, where each car is then, and since when if it stays there."""
     for file in folder.glob("path-*.csv"):
         name = file.stem.removeprefix("path-")
-        path = read_columns(file)
+        path = read_csv_columns(file)
         yield f"{name} at x = {path['x'][-1]:.1f} m"
         drive = next(car for car in scene["car"] if car["name"] == name).get("drive", {})
         stop = _last_stop_time(path, [x["t"] for x in events if x["event"] == f"{name} stops"], drive)

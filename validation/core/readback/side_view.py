@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from validation.core.readback.files import car_positions_at_frames, extent_of_rope, path_columns, series_faults
 from validation.core.readback.stored import Faults, Row, Run, StoredResults
 from validation.core.readback.texts import contents_of_tags
-from validation.core.scene_data import ROUNDING, Array, read_columns, si_factor
+from validation.core.scene_data import ROUNDING, Array, read_csv_columns, si_factor
 
 PACKED = 65535  # steps between the extremes of a packed series
 
@@ -147,7 +147,7 @@ class RopeGrid(NamedTuple):
 
 def line_motion_faults(html_text: str, folder: Path, motion: Any) -> Faults:
     """Faults of rope.csv, and of the side view of a line in motion; motion : a `cablefem.motion.LineMotion`."""
-    rope = read_columns(folder / "rope.csv")
+    rope = read_csv_columns(folder / "rope.csv")
     t = np.unique(rope["t"])
     stations = np.searchsorted(motion.s, np.unique(rope["s"]) - 1e-9 * motion.s[-1])  # (m,)
     steps = np.searchsorted(motion.t, t - 1e-9 * motion.t[-1])  # (n,)
@@ -179,7 +179,7 @@ def _drawn_line_faults(cable: dict[str, Any], grid: RopeGrid, folder: Path, moti
     yield from _packed_series_faults("t", cable["t"], grid.series["t"][:, 0])
     for car in motion.cars:
         drawn = next(x for x in cable["touching"] if x["name"] == car.name)
-        path = {name: x[grid.steps] for name, x in read_columns(folder / f"path-{car.name}.csv").items()}
+        path = {name: x[grid.steps] for name, x in read_csv_columns(folder / f"path-{car.name}.csv").items()}
         for fault in _drawn_car_faults(drawn, car, grid.steps, path):
             yield f"{car.name}: {fault}"
 

@@ -32,7 +32,7 @@ from validation.core.readback.texts import (
     shows_design_number,
     shows_value,
 )
-from validation.core.scene_data import ROUNDING, ice_mass, mean_around
+from validation.core.scene_data import ROUNDING, ice_mass_per_length, means_around_times
 
 
 def design_number_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
@@ -84,10 +84,12 @@ def _support_load_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
     run = stored.run_of_method(0)
     t_max = next(x["t"] for x in stored.design if x["quantity"] == f"reaction_{side}_max")
     cable = run["scene"]["cable"]
-    period = 2.0 * run["rest"]["length"] * math.sqrt((cable["mass_per_length"] + ice_mass(cable)) / cable["EA"])
+    period = (
+        2.0 * run["rest"]["length"] * math.sqrt((cable["mass_per_length"] + ice_mass_per_length(cable)) / cable["EA"])
+    )
     force = -run[f"reaction_{side}"]  # (n, 2)
     known = np.isfinite(force).all(axis=1)
-    mean = mean_around(run["t"][known], force[known], np.array([t_max]), period)[0]
+    mean = means_around_times(run["t"][known], force[known], np.array([t_max]), period)[0]
     good = shows_value(right, mean[0], "N", digits=4) and shows_value(down, mean[1], "N", digits=4)
     if not good or not shows_value(when, t_max, "s", digits=4):
         yield f"{side} support: {right}, {down} after {when} where {mean} N after {t_max} s follow"
@@ -185,7 +187,7 @@ def _shows_sag_at_rest(text: str, run: Run) -> bool:
 def _shows_top_speed_over_waves(text: str, run: Run) -> bool:
     """Whether a text shows, in percent, the car's top speed over the speed of transverse waves at rest."""
     cable = run["scene"]["cable"]
-    rho = cable["mass_per_length"] + ice_mass(cable)
+    rho = cable["mass_per_length"] + ice_mass_per_length(cable)
     if run["scene"].get("drive", {}).get("mode") == "free":  # on the loaded rope
         speed = np.max(np.hypot(*run["velocity"].T))
     else:
