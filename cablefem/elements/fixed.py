@@ -9,6 +9,7 @@ path     p is an unknown with the constraint p = N(s_o) q (index 3).  It needs n
 """
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import skfem
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 from skfem.models.poisson import mass
 
 from cablefem.elements.cable import CableElements
-from cablefem.elements.kernels.balance import Contact, Mesh
+from cablefem.elements.kernels.balance import Factors, MassCoupling, Mesh
+from cablefem.elements.observing import MotionAtMass, StationFields
 from cablefem.elements.reference import (
     Points,
     assemble_bands,
@@ -50,10 +52,10 @@ class FixedElements(CableElements):
     ) -> None:
         super().__init__(groups, **kind)
         self.elements = elements
-        self._tabulate(_KINDS[element])
+        self._set_tables_and_matrices(_KINDS[element])
         self.particle = coupling == "path"
         self.n_dof = self.fields * (self.n_scalar + self.particle)
-        self._make_workspaces()
+        self._make_kernel_workspaces()
 
     def start(self, phase: int, state: State | None) -> State:
         """At entry everything rests.
@@ -68,10 +70,10 @@ class FixedElements(CableElements):
             return consistent_acceleration(self, t, state.q, state.v, phase)
         s_o, _, dds = self.motion.position_with_rates(t, phase)
         jump = dds - self.motion.position_with_rates(t, phase - 1)[2]
-        dofs, N, N_s, _ = self._shape_at(s_o)
+        dofs, N, N_s, _ = self._shape_functions_ahead(s_o)
         slope_jump = jump * N_s @ state.q[dofs]
         load = np.zeros(self.fields * self.n_scalar)
-        load[dofs] = -self.inertia * np.outer(N, jump * self.static_shape(s_o)[1] + slope_jump)
+        load[dofs] = -self.inertia * np.outer(N, jump * self.static_shape_and_derivatives(s_o)[1] + slope_jump)
         _, solve = super().linearise(t, state.q, state.v, state.a, phase, 0.0, 0.0, 1.0)
         solve(load)
         return State(t, state.q, state.v, state.a + np.append(load, N @ load[dofs] + slope_jump), phase)
@@ -87,7 +89,7 @@ class FixedElements(CableElements):
             raise ValueError("coupling path needs an implicit scheme: a constraint on positions has no explicit one")
         f = self.fields
         mu = self.inertia
-        dofs, N, *_ = self._now.contact
+        dofs, N, *_ = self._instant.coupling
 
         # rows S x + c2 mu N^T y = b, c0 (y - N x) = d; the band of S includes mu c2 N^T N
         def solve_with_particle(b: Array) -> Array:
@@ -98,14 +100,17 @@ class FixedElements(CableElements):
 
         return r, solve_with_particle
 
-    def solve_step(self, *step) -> StepResult:
+    def solve_step(self, *step: Any) -> StepResult:
         return newmark_step(self, *step) if self.particle else super().solve_step(*step)  # particles are not compiled
 
-    def collocate_steps(self, *step) -> Iterator[StepResult]:
+    def collocate_steps(self, *step: Any) -> Iterator[StepResult]:
         return collocate_first_step(self, *step) if self.particle else super().collocate_steps(*step)
 
-    def _tabulate(self, element: type[skfem.Element]) -> None:
-        """Tabulate one element and repeat it: on fine meshes scikit-fem's Hermite functions lose digits (12.0.2)."""
+    def _set_tables_and_matrices(self, element: type[skfem.Element]) -> None:
+        """Set tables and matrices of the mesh from one element, which is repeated.
+
+        On fine meshes scikit-fem's Hermite functions lose digits (12.0.2).
+        """
         n = self.elements
         k = element.nodal_dofs
         step = k + element.interior_dofs
@@ -141,47 +146,50 @@ class FixedElements(CableElements):
         # (3, n_loc, n_loc): N, N', N''
         self._powers = np.stack([np.pad(x, ((0, 0), (0, n_loc - x.shape[1]))) for x in derivatives])
 
-    def _shape_at(self, s_o: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
-        """Unknowns (n_loc, fields) and N, N', N'' at s_o; at a node of the element ahead."""
-        (dofs,), shapes = self._shapes_on_side(np.array([s_o]), "ahead")
+    def _shape_functions_ahead(self, s: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
+        """Unknowns (n_loc, fields) and N, N', N'' (n_loc,) at s, without supports; at a node of the element ahead."""
+        (dofs,), shapes = self._shape_functions_on_side(np.array([s]), "ahead")
         keep = dofs >= 0
         N, N_s, N_ss = np.ascontiguousarray(shapes[:, keep, 0])  # one layout, compiled once
         return self.fields * dofs[keep][:, None] + np.arange(self.fields), N, N_s, N_ss
 
-    def _inputs(self, t: Array, phase: int) -> Array:
-        load = self._load_at_mass(*self.motion.positions_with_rates(t.ravel(), phase))
+    def _kinematics_and_load(self, t: Array, phase: int) -> Array:
+        load = self._mass_load_on_static_cable(*self.motion.positions_with_rates(t.ravel(), phase))
         zero = np.zeros(t.size)
         return np.stack([zero + 1.0, zero, zero, *load], axis=1).reshape(*t.shape, -1)
 
-    def _contact_at(self, t: float, phase: int) -> Contact:
+    def _mass_coupling_at(self, t: float, phase: int) -> MassCoupling:
         s_o, ds, dds = self.motion.position_with_rates(t, phase)
-        dofs, N, N_s, N_ss = self._shape_at(s_o)
+        dofs, N, N_s, N_ss = self._shape_functions_ahead(s_o)
         mu = self.inertia
         convected = 0.0 if self.particle else mu  # a particle's path has them already
-        return Contact(dofs, N, mu * N, 2.0 * convected * ds * N_s, convected * (ds * ds * N_ss + dds * N_s))
+        return MassCoupling(dofs, N, mu * N, 2.0 * convected * ds * N_s, convected * (ds * ds * N_ss + dds * N_s))
 
-    def _assemble(self, t, phase, x, r, factors) -> None:
-        super()._assemble(t, phase, x, r, factors)
+    def _set_residual_and_tangent(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
+        super()._set_residual_and_tangent(t, phase, x, r, factors)
         if self.particle:
-            dofs, N, m_row, *_ = self._now.contact
+            dofs, N, m_row, *_ = self._instant.coupling
             q, _, a = x
             p = slice(-self.fields, None)
             r[p] = q[p] - N @ q[dofs]
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
 
-    def _shapes_on_side(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
-        """Unknowns (m, n_loc), -1 for supports, and N, N', N'' (3, n_loc, m)."""
+    def _shape_functions_on_side(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
+        """Unknowns (m, n_loc), -1 for supports, and N, N', N'' (3, n_loc, m) at s (m,).
+
+        side : "behind" or "ahead", which counts at a node.
+        """
         x = s * self.elements
         e = np.clip(np.ceil(x) - 1 if side == "behind" else np.floor(x), 0, self.elements - 1).astype(int)
         return self._mesh.dofs[e], self._powers @ (x - e) ** np.arange(self._powers.shape[2])[:, None]
 
-    def _mesh_kinematics(self, kinematics: Array) -> Array:
-        return np.tile([1.0, 0.0, 0.0], (len(kinematics), 1))  # one side, which rests
+    def _mesh_kinematics(self, mass_kinematics: Array) -> Array:
+        return np.tile([1.0, 0.0, 0.0], (len(mass_kinematics), 1))  # one side, which rests
 
-    def _motion_at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
-        s_o, ds, dds = kinematics.T
+    def _cable_motion_at_mass(self, states: States, mass_kinematics: Array) -> MotionAtMass:
+        s_o, ds, dds = mass_kinematics.T
         row = np.arange(s_o.size)[:, None]
-        dofs, shapes = self._shapes_on_side(s_o, "ahead")
+        dofs, shapes = self._shape_functions_on_side(s_o, "ahead")
         q, v, a = (self._nodal_values(x, dofs, row) for x in (states.q, states.v, states.a))  # (n, n_loc, fields)
 
         def at(shape: Array, x: Array) -> Array:
@@ -189,25 +197,33 @@ class FixedElements(CableElements):
 
         N, N_s, N_ss = shapes
         ahead = at(N_s, q)
-        dofs, shapes = self._shapes_on_side(s_o, "behind")
+        dofs, shapes = self._shape_functions_on_side(s_o, "behind")
         behind = at(shapes[1], self._nodal_values(states.q, dofs, row))
         if self.particle:
             f = self.fields
-            return states.q[:, -f:], states.v[:, -f:], states.a[:, -f:], behind, ahead
+            return MotionAtMass(states.q[:, -f:], states.v[:, -f:], states.a[:, -f:], behind, ahead)
         w_t = at(N, v) + ds[:, None] * ahead
         w_tt = at(N, a) + at(2.0 * ds * N_s, v) + at(ds**2 * N_ss + dds * N_s, q)
-        return at(N, q), w_t, w_tt, behind, ahead
+        return MotionAtMass(at(N, q), w_t, w_tt, behind, ahead)
 
-    def _end_momentum_with_mass(self, states, kinematics, ends, force):
+    def _end_forces_with_mass(
+        self, states: States, mass_kinematics: Array, end_forces: Array, contact_force: Array
+    ) -> Array:
         """Adds the mass; half of ds_o^2 [r'] is missing in the element under it."""
-        s_o = kinematics[:, 0]
-        left = ends[0] - (1.0 - s_o) * force
-        right = ends[1] + s_o * force
-        at_mass = np.stack([left, ends[1], ends[2], right]), force, s_o[:, None], np.arange(s_o.size)
-        behind = super()._fields_along(states, self._mesh_kinematics(kinematics), *at_mass).force_less_flux[..., 0]
-        return np.stack([left, behind, behind + force, right])
+        s_o = mass_kinematics[:, 0]
+        left = end_forces[0] - (1.0 - s_o) * contact_force
+        right = end_forces[1] + s_o * contact_force
+        of_parts = np.stack([left, end_forces[1], end_forces[2], right])
+        mesh = self._mesh_kinematics(mass_kinematics)
+        at_mass = super()._fields_at_stations(states, mesh, of_parts, contact_force, s_o[:, None], np.arange(s_o.size))
+        behind = at_mass.force_less_flux[..., 0]
+        return np.stack([left, behind, behind + contact_force, right])
 
-    def _fields_along(self, states, kinematics, ends, force, s, frames):
-        along = super()._fields_along(states, self._mesh_kinematics(kinematics), ends, force, s, frames)
-        is_ahead = s > kinematics[frames, :1]  # (k, m)
-        return along._replace(force_less_flux=along.force_less_flux + is_ahead * force[:, frames, None])
+    def _fields_at_stations(
+        self, states: States, mass_kinematics: Array, end_forces: Array, contact_force: Array, s: Array,
+        frames: NDArray[np.intp],
+    ) -> StationFields:  # fmt: skip
+        mesh = self._mesh_kinematics(mass_kinematics)
+        along = super()._fields_at_stations(states, mesh, end_forces, contact_force, s, frames)
+        is_ahead = s > mass_kinematics[frames, :1]  # (k, m)
+        return along._replace(force_less_flux=along.force_less_flux + is_ahead * contact_force[:, frames, None])

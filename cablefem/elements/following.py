@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.linalg import solveh_banded
 
 from cablefem.elements.cable import CableElements
-from cablefem.elements.forms import section_forces, stiffness
-from cablefem.elements.kernels.balance import Contact, Mesh
+from cablefem.elements.forms import section_forces, section_stiffness
+from cablefem.elements.kernels.balance import MassCoupling, Mesh
+from cablefem.elements.observing import MotionAtMass
 from cablefem.elements.reference import reference_mesh
 from cablefem.newmark import Array, ManySteps, State, StepFailure, consistent_acceleration, quasi_static_start
 from cablefem.newmark.equilibrium import solve_equilibrium
@@ -51,8 +54,8 @@ class FollowingElements(CableElements):
         self.n_dof = self.fields * self.n_scalar
         self._band = self.fields * degree + self.fields - 1
         node = self.fields * self.node + np.arange(self.fields)[None, :]
-        self._contact = Contact(node, _ONE, self.inertia * _ONE, _ZERO, _ZERO)
-        self._make_workspaces()
+        self._coupling = MassCoupling(node, _ONE, self.inertia * _ONE, _ZERO, _ZERO)
+        self._make_kernel_workspaces()
 
     def start(self, phase: int, state: State | None) -> State:
         """The state at the beginning of a phase.
@@ -70,15 +73,17 @@ class FollowingElements(CableElements):
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
         if ds > 0.0:
-            node_a = -np.array(self._load_at_mass(0.0, ds, dds)) / inertia
+            node_a = -np.array(self._mass_load_on_static_cable(0.0, ds, dds)) / inertia
         elif dds > 0.0:
-            node_a = dds * self._slope_behind(inertia * dds, np.array(self._load_at_mass(0.0, 0.0, dds)))
+            node_a = dds * self._entry_slope_behind(
+                inertia * dds, np.array(self._mass_load_on_static_cable(0.0, 0.0, dds))
+            )
         else:
             raise ValueError("the travel starts with neither speed nor acceleration")
         return State(t, zero, zero.copy(), (shape[:, None] * node_a).ravel(), phase)
 
     def with_clamped_car(self, s_o: float) -> FollowingElements:
-        """The cable at rest, with its mass."""
+        """A copy with the law "tension-only", in which the mass is at rest at s_o."""
         other = self.with_law("tension-only")
         other.motion = rest_motion(s_o, 1.0)
         return other
@@ -101,46 +106,45 @@ class FollowingElements(CableElements):
         ahead = solveh_banded(M[: M.shape[1]], at_mass, lower=True)
         return np.concatenate([linear[1:], ahead[1:] / ahead[0]]), float(1.0 / ahead[0])
 
-    def _slope_behind(self, m: float, load: Array) -> Array:
-        """d of `start`: m d + [N t - T t_static](X' + d) + load = 0."""
+    def _entry_slope_behind(self, inertia: float, load: Array) -> Array:
+        """d of `start`: inertia d + [N t - T t_static](X' + d) + load = 0."""
         if self.fields == 1:
-            return -load / (m + self._law[1])
+            return -load / (inertia + self._law[1])
         T, *slope = self.groups.tension_and_shape_derivatives(0.0)[:3]
         X_s = np.array(slope)
 
         def linearise(d: Array) -> tuple[Array, Array]:
             at = X_s, T, d, self.groups.alpha, self._law[3]
-            return m * d + section_forces(*at).force + load, m * np.eye(2) + stiffness(*at)
+            return inertia * d + section_forces(*at).force + load, inertia * np.eye(2) + section_stiffness(*at)
 
         d = solve_newton_dense(linearise, np.zeros(2))
         if d is None:
             raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
         return d
 
-    def solve_steps(self, *steps) -> ManySteps:
+    def solve_steps(self, *steps: Any) -> ManySteps:
         """Steps end where the cable falls slack."""
-        ends, results, taken = self._newmark_steps(*steps)
+        ends, results, taken = self._take_newmark_steps(*steps)
         if taken:
             self.min_tension_and_position = results.item(taken - 1, 4), results.item(taken - 1, 5)
         return ManySteps(ends[:taken], results[: taken + 1])
 
-    def _inputs(self, t: Array, phase: int) -> Array:
+    def _kinematics_and_load(self, t: Array, phase: int) -> Array:
         kinematics = self.motion.positions_with_rates(t.ravel(), phase)
         if not (kinematics[0].min() > 0.0 and kinematics[0].max() < 1.0):
             raise ValueError("a side of the following mesh has no length at an end of the travel")
-        return np.stack([*kinematics, *self._load_at_mass(*kinematics)], axis=1).reshape(*t.shape, -1)
+        return np.stack([*kinematics, *self._mass_load_on_static_cable(*kinematics)], axis=1).reshape(*t.shape, -1)
 
-    def _contact_at(self, t: float, phase: int) -> Contact:
-        return self._contact
+    def _mass_coupling_at(self, t: float, phase: int) -> MassCoupling:
+        return self._coupling
 
     # --- observation -----------------------------------------------------------------------------------
-    def _motion_at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
-        s_o, ds, dds = kinematics.T
+    def _cable_motion_at_mass(self, states: States, mass_kinematics: Array) -> MotionAtMass:
+        s_o, ds, dds = mass_kinematics.T
         node = self.node
         first_ahead = self._mesh.n_left
-        around = self._nodal_values(
-            states.q, self._mesh.dofs[first_ahead - 1 : first_ahead + 1]
-        )  # (n, 2, n_loc, fields)
+        beside = self._mesh.dofs[first_ahead - 1 : first_ahead + 1]
+        around = self._nodal_values(states.q, beside)  # (n, 2, n_loc, fields)
         behind, ahead = (np.tensordot(around[:, side], self._at_car[side], axes=(1, 0)) for side in (0, 1))
         q, v, a = (self._nodal_values(x, node) for x in (states.q, states.v, states.a))
         behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
@@ -151,4 +155,4 @@ class FollowingElements(CableElements):
                 behind[0] = v[0] / ds[0]
             elif dds[0] > 0.0:
                 behind[0] = a[0] / dds[0]
-        return q, v, a, behind, ahead
+        return MotionAtMass(q, v, a, behind, ahead)

@@ -3,8 +3,8 @@
 Unknowns w = (u, v) on 0 <= s <= 1; nodes move with c(s, t):
 
     int (w_tt + c_s w_t - c w_t' - c_t w' + c_d (w_t - c w')) . phi + (c w_t - c^2 w') . phi' ds
-                                                                                            `inertia_and_damping`
-    + int (N t - T X') . phi' ds,  r' = X' + w', t = r'/|r'|, N = T + alpha (|r'| - 1)      `internal_force`
+                                                                                            `inertia_and_damping_form`
+    + int (N t - T X') . phi' ds,  r' = X' + w', t = r'/|r'|, N = T + alpha (|r'| - 1)      `internal_force_form`
     + [mu w_tt + mu d2X/dt2 - mu sigma j] at the mass = 0 .
 
 w_t, w_tt, c_t are rates at a node.
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from cablefem.elements.following import FollowingElements
 
 
-def tension(eps, T, alpha, law):
-    """N, dN/deps and the strain energy W from the static state, of a strain eps."""
-    N = T + alpha * eps
-    W = (T + 0.5 * alpha * eps) * eps
+def tension_stiffness_energy(strain: Any, T: Any, alpha: float, law: float) -> tuple[Any, Any, Any]:
+    """N, dN/dstrain and the strain energy W from the static state."""
+    N = T + alpha * strain
+    W = (T + 0.5 * alpha * strain) * strain
     if law != TENSION_ONLY:
         return N, alpha, W
     taut = N > 0.0
@@ -36,12 +36,13 @@ def tension(eps, T, alpha, law):
     return np.where(taut, N, 0.0), np.where(taut, alpha, 0.0), np.where(taut, W, W_slack)
 
 
-def length_of(r_s):
-    """|r'|; np.hypot is slow."""
-    return np.sqrt(r_s[0] * r_s[0] + r_s[1] * r_s[1])
+def length_from_components(vector: Any) -> Any:
+    """Length of vectors (2, ...); np.hypot is slow."""
+    x, y = vector
+    return np.sqrt(x * x + y * y)
 
 
-def strain(X_s, w_s, stretch):
+def strain(X_s: Any, w_s: Any, stretch: Any) -> Any:
     """|r'| - 1 without cancellation; stretch : |r'|, r' = X' + w'."""
     return ((2.0 * X_s[0] + w_s[0]) * w_s[0] + (2.0 * X_s[1] + w_s[1]) * w_s[1]) / (stretch + 1.0)
 
@@ -57,17 +58,17 @@ class Section(NamedTuple):
     stretch: Any  # |r'|
 
 
-def section_forces(X_s, T, w_s, alpha, law) -> Section:
+def section_forces(X_s: Any, T: Any, w_s: Any, alpha: float, law: float) -> Section:
     """The section with slopes w' (2, ...) from X'; differences of nearly equal numbers are avoided."""
-    stretch = length_of(X_s + w_s)
+    stretch = length_from_components(X_s + w_s)
     eps = strain(X_s, w_s, stretch)
-    N, dN, W = tension(eps, T, alpha, law)
+    N, dN, W = tension_stiffness_energy(eps, T, alpha, law)
     force = N / stretch * w_s + ((N - T) - T * eps) / stretch * X_s
     return Section(force, N, dN, W, eps, stretch)
 
 
-def stiffness(X_s, T, w_s, alpha, law):
-    """df/dw' (2, 2, ...)."""
+def section_stiffness(X_s: Any, T: Any, w_s: Any, alpha: float, law: float) -> Any:
+    """df/dw' (2, 2, ...), f : `Section.force`."""
     x = section_forces(X_s, T, w_s, alpha, law)
     t = (X_s + w_s) / x.stretch
     unit = np.eye(2).reshape(2, 2, *[1] * np.ndim(x.stretch))
@@ -76,13 +77,13 @@ def stiffness(X_s, T, w_s, alpha, law):
 
 
 @skfem.LinearForm
-def internal_force(eta, w):
+def internal_force_form(eta, w):
     f = section_forces(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"]).force
     return np.sum(f * eta.grad[:, 0], axis=0)
 
 
 @skfem.LinearForm
-def inertia_and_damping(eta, w):
+def inertia_and_damping_form(eta, w):
     c = w["c"]
     q_s = w["q"].grad[:, 0]
     v_s = w["v"].grad[:, 0]
@@ -114,14 +115,16 @@ def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int)
     chi = np.where(behind, s / s_o, (1.0 - s) / (1.0 - s_o))
     chi_s = np.where(behind, 1.0 / s_o, -1.0 / (1.0 - s_o))
     q, v, a = (basis.interpolate(y) for y in unknowns)
-    r = inertia_and_damping.assemble(basis, q=q, v=v, a=a, c=ds * chi, c_s=ds * chi_s, c_t=dds * chi, c_d=g.damping)
+    r = inertia_and_damping_form.assemble(
+        basis, q=q, v=v, a=a, c=ds * chi, c_s=ds * chi_s, c_t=dds * chi, c_d=g.damping
+    )
 
     T, *slope = g.tension_and_shape_derivatives(np.asarray(basis_of_forces.global_coordinates())[0])[:3]
     w_s = basis_of_forces.interpolate(unknowns[0]).grad[:, 0]
     law = float(system.law == "tension-only")
-    r += internal_force.assemble(basis_of_forces, T=T, X_s=np.stack(slope), w_s=w_s, alpha=g.alpha, law=law)
+    r += internal_force_form.assemble(basis_of_forces, T=T, X_s=np.stack(slope), w_s=w_s, alpha=g.alpha, law=law)
 
     r = r[np.argsort(number)[2:-2]]  # without the supports
     at_mass = [2 * system.node, 2 * system.node + 1]
-    r[at_mass] += system.inertia * x[2, at_mass] + system._load_at_mass(s_o, ds, dds)
+    r[at_mass] += system.inertia * x[2, at_mass] + system._mass_load_on_static_cable(s_o, ds, dds)
     return r

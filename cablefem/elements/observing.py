@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.forms import length_of, section_forces, strain, tension
+from cablefem.elements.forms import length_from_components, section_forces, strain, tension_stiffness_energy
 from cablefem.newmark import Array
 from cablefem.response import Observation, States
 
@@ -27,8 +27,8 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     g = system.groups
     kinematics = system._mass_kinematics(states)
     s_o, ds, dds = kinematics.T
-    w, w_t, w_tt, *slopes = (x.T for x in system._motion_at_mass(states, kinematics))
-    position, slope, bend = (x.T for x in system.static_shape(s_o))
+    w, w_t, w_tt, *slopes = (x.T for x in system._cable_motion_at_mass(states, kinematics))
+    position, slope, bend = (x.T for x in system.static_shape_and_derivatives(s_o))
     velocity = w_t + ds * slope
     acceleration = w_tt + dds * slope + ds**2 * bend
     force = system.inertia * acceleration - system.weight[:, None]
@@ -48,7 +48,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     bend = np.stack([xpp, ypp])
     direction = system.direction.T
     behind, ahead = (static + direction @ x for x in slopes)
-    ends = system._end_momentum_with_mass(states, kinematics, cable.ends, force)
+    ends = system._end_forces_with_mass(states, kinematics, cable.end_forces, force)
     if system.fields == 2:
         at_mass, kink = _tensions_at_mass(system, ends, mesh_at[1], (static, T, behind, ahead))
         power += ds * kink
@@ -59,7 +59,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
         at_mass[name] = np.where(s_o > 0.0, at_mass[name], np.nan)
     fields = []
     for rows in _row_blocks(frames, s.size):
-        along = system._fields_along(states, kinematics, ends, force, s, rows)
+        along = system._fields_at_stations(states, kinematics, ends, force, s, rows)
         fields.append(_station_fields(system, along, s, cable.rise[rows]))
     return Observation(
         path=(direction @ w).T, path_velocity=(direction @ w_t + ds * static).T,
@@ -78,6 +78,16 @@ def _row_blocks(rows: NDArray[np.intp], width: int) -> list[NDArray[np.intp]]:
     return [rows[begin : begin + length] for begin in range(0, max(1, rows.size), length)]
 
 
+class MotionAtMass(NamedTuple):
+    """Displacement w of the cable at the mass, w(s_o(t), t), (n, fields) each."""
+
+    w: Array
+    velocity: Array  # d/dt of it
+    acceleration: Array
+    slope_behind: Array  # w'
+    slope_ahead: Array
+
+
 class CableState(NamedTuple):
     """Of the cable alone, n instants; the time is the last axis."""
 
@@ -87,7 +97,9 @@ class CableState(NamedTuple):
     tension_min: Array
     tension_min_at: Array  # its s
     rise: Array  # of the uniform tension of one field; 0 of the full cable
-    ends: Array  # (4, fields, n) f - c^2 w' at the left support, behind and ahead of the mass, at the right support
+    end_forces: (
+        Array  # (4, fields, n) f - c^2 w' at the left support, behind and ahead of the mass, at the right support
+    )
 
 
 def observe_cable(system: CableElements, mesh_at: Array, states: States) -> CableState:
@@ -178,7 +190,7 @@ def strain_energy(system: CableElements, mesh_at: Array, q: Array) -> StrainStat
         (w_s,) = w_s
         y = curvature * (0.5 - s)
         eps = lam * np.sum(weight * (y * w_s + 0.5 * kap * w_s * w_s), axis=0)
-        N, _, W = tension(eps, T_chord, alpha, kind)
+        N, _, W = tension_stiffness_energy(eps, T_chord, alpha, kind)
         tension_min = T_chord + alpha * eps
         tension_min_at = np.full(s_o.size, 0.5)
         rise = N - T_chord
@@ -213,6 +225,30 @@ def _end_forces(system: CableElements, mesh_at: Array, moments: Array, v: Array,
     return out
 
 
+class StationPoints:
+    """Where stations s, (m,) or (k, m), are in the elements for positions s_o (k,) of the mass."""
+
+    def __init__(self, s: Array, s_o: Array, knots: Array, n_left: int, fields: int) -> None:
+        rows = s_o.size
+        s_o = s_o[:, None]
+        behind = (s <= s_o) & (s_o > 0.0)
+        self.x = np.clip((s - s_o) / np.where(behind, s_o, 1.0 - s_o), -1.0, 1.0)  # (k, m) between the knots
+        element = np.searchsorted(knots[1:-1], self.x)
+        element = np.where(behind, element, np.maximum(element, n_left))
+        self.inside = (self.x - knots[element]) / np.diff(knots)[element]  # (k, m) position in the element
+        row = np.arange(rows)[:, None]
+        self._numbers = np.stack([(element * fields + field) * rows + row for field in range(fields)])
+
+    def values(self, polynomials: Array) -> Array:
+        """Polynomials (powers, elements, fields, k) at the stations, (fields, k, m)."""
+        highest, *others = polynomials.reshape(len(polynomials), -1)[::-1]
+        value = highest.take(self._numbers)
+        for coefficients in others:
+            value *= self.inside
+            value += coefficients.take(self._numbers)
+        return value
+
+
 class StationFields(NamedTuple):
     """Fields of k frames at m stations, (fields, k, m) each; at s_o behind the mass."""
 
@@ -240,7 +276,9 @@ def _station_fields(system: CableElements, along: StationFields, s: Array, rise:
     r_s = X_s + slope
     alpha = system._law[0]
     fields["T"] = _tension_from_momentum(system, along.force_less_flux, along.c, (X_s, T, r_s))
-    fields["T_pointwise"] = tension(strain(X_s, slope, length_of(r_s)), T, alpha, system._law[3])[0]
+    fields["T_pointwise"] = tension_stiffness_energy(
+        strain(X_s, slope, length_from_components(r_s)), T, alpha, system._law[3]
+    )[0]
     return fields
 
 
@@ -292,7 +330,7 @@ def _tension_from_momentum(
     alpha = system._law[0]
     flux = c * c
     x, y = force_less_flux + (T - flux) * static  # N t - c^2 r'
-    size = length_of((x, y))
+    size = length_from_components((x, y))
     size = np.where(x * slope[0] + y * slope[1] < 0.0, -size, size)
     N = (size + flux * (1.0 - T / alpha)) / (1.0 - flux / alpha)
     return np.maximum(N, 0.0) if system.law == "tension-only" else N

@@ -15,11 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem import newmark
-from cablefem.elements.cable import Factors
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
-from cablefem.elements.kernels.balance import Instant
-from cablefem.elements.kernels.banded import Tangent
+from cablefem.elements.kernels.balance import Factors, Instant
 from cablefem.elements.kernels.newton import NO_TANGENT
 from cablefem.newmark import Array, Newton, Solve, State, StepResult, Tableau
 from cablefem.newmark.equilibrium import solve_equilibrium, solve_equilibrium_on_haul_rope
@@ -78,12 +76,12 @@ class RollingElements(RollingCar, FollowingElements):
         self.reset()
         if not self.free:
             s_o, ds, _ = self.motion.position_with_rates(t, 0)
-            return newmark.quasi_static_start(self, self._rest_of_hauled_car, s_o, ds)
+            return newmark.quasi_static_start(self, self._hauled_car_at_rest, s_o, ds)
         s_o = self.drive.start
         zero = np.zeros(self.n_dof)
         x = State(t, np.append(solve_equilibrium(self.with_clamped_car(s_o)), s_o), zero, zero.copy(), 0)
         alone = self._kernel_car._replace(drag=0.0, friction=0.0, brake=0.0)
-        self.hold = self._assemble_with_car(alone, np.zeros(3), np.array(x[1:4]), np.empty(self.n_dof))[2]
+        self.hold = self._assemble_with_car(alone, np.zeros(3), np.array(x[1:4]), np.empty(self.n_dof)).row
         return self.release_car(x)
 
     def needs_damped_steps(self, x: State, dt: float) -> bool:
@@ -91,36 +89,36 @@ class RollingElements(RollingCar, FollowingElements):
         abrupt = 1e-5  # slip over l in a step that makes an acceleration abrupt
         return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > abrupt
 
-    def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
+    def _set_residual_and_tangent(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         self._assemble_with_car(self._kernel_car, self._drive_inputs(np.array(t), phase), x, r, factors)
 
-    def solve_steps(self, t: Array, *steps) -> newmark.ManySteps:
+    def solve_steps(self, t: Array, *steps: Any) -> newmark.ManySteps:
         if not self.event_free_range_known:
             return newmark.NO_STEPS
         taken = super().solve_steps(t, *steps)
-        self._search_events_from_last_step(t, len(taken.ends))
+        self._set_start_of_event_search(t, len(taken.ends))
         return taken
 
-    def _search_events_from_last_step(self, t: Array, taken: int) -> None:
-        """Look for events in the last tenth of the last of `taken` steps; they end at t (n,)."""
+    def _set_start_of_event_search(self, ends: Array, taken: int) -> None:
+        """Let events be looked for from the last tenth of the last step taken on; ends : [s] of all steps."""
         if taken > 1:
-            self.events_from = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
+            self.events_from = float(ends[taken - 2] + 0.9 * (ends[taken - 1] - ends[taken - 2]))
 
-    def _car_and_inputs(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
+    def _car_and_kernel_inputs(self, t: Array, phase: int) -> tuple[Any, Array]:
         bounds = self._event_bounds if len(t) > 1 else NO_BOUNDS
         return kernels.CarOnMesh(self._kernel_car, self._at_car, bounds), self._drive_inputs(t, phase)
 
     def _drive_inputs(self, t: Array, phase: int) -> Array:
-        """`now` of `kernels.Car` at t, (..., 3)."""
+        """`drive_inputs` of `kernels.Car` at t, (..., 3)."""
         if not self.free:
             return np.ascontiguousarray(np.moveaxis(self.motion.positions_with_rates(t, phase), 0, -1))
-        now = np.zeros((*t.shape, 3))
+        inputs = np.zeros((*t.shape, 3))
         drive = self.drive
         if t.min() < drive.release:
-            now[..., 0] = self.hold * np.vectorize(drive.remaining_hold_fraction)(t)
+            inputs[..., 0] = self.hold * np.vectorize(drive.remaining_hold_fraction)(t)
         if drive.thrust_table:
-            now[..., 1] = drive.thrust(t, phase)
-        return now
+            inputs[..., 1] = drive.thrust(t, phase)
+        return inputs
 
     @property
     def _event_bounds(self) -> Array:
@@ -135,15 +133,15 @@ class RollingElements(RollingCar, FollowingElements):
 
     def collocate_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         many = not self.free or rule.c[-1] == 1.0
-        results = self._collocation_results(
+        results = self._take_collocation_steps(
             phase, steps if many and self.event_free_range_known else steps.first_steps(1), rule, newton
         )
-        self._search_events_from_last_step(steps.t[1:], len(results))
-        return self._step_results(results)
+        self._set_start_of_event_search(steps.t[1:], len(results))
+        return self._yield_results_noting_tension(results)
 
     def car_forces(self, x: State) -> CarForces:
         """Normal force, speed along the rope and forces along it; dimensionless."""
-        forces = self._car_forces_at(x)
+        forces = self._forces_on_car_at(x)
         tx, ty = forces.tau
         px, py = forces.velocity
         ex, ey = forces.outside
@@ -151,9 +149,9 @@ class RollingElements(RollingCar, FollowingElements):
         return CarForces(forces.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
 
     def hold_and_normal_force(self, x: State) -> tuple[float, float]:
-        forces = self._car_forces_at(x)
-        now = self._drive_inputs(np.array(x.t), x.phase)
-        needed = self._assemble_with_car(self._kernel_car, now, np.array(x[1:4]), np.empty(self.n_dof))[2]
+        forces = self._forces_on_car_at(x)
+        inputs = self._drive_inputs(np.array(x.t), x.phase)
+        needed = self._assemble_with_car(self._kernel_car, inputs, np.array(x[1:4]), np.empty(self.n_dof)).row
         return needed / forces.stretch, forces.normal
 
     def solve_acceleration(self, x: State) -> State:
@@ -168,28 +166,28 @@ class RollingElements(RollingCar, FollowingElements):
             kernels.HELD if self.mode.sticks else kernels.FREE, *fixed, self.brake_force, self.mode.slip_sign
         )
 
-    def _car_forces_at(self, x: State) -> kernels.ForcesOnCar:
-        now = self._drive_inputs(np.array(x.t), x.phase)
-        return kernels.car_forces(self._cable, self._kernel_car, now, self._at_car, np.array(x[1:4]))
+    def _forces_on_car_at(self, x: State) -> kernels.ForcesOnCar:
+        inputs = self._drive_inputs(np.array(x.t), x.phase)
+        return kernels.forces_on_car(self._cable, self._kernel_car, inputs, self._at_car, np.array(x[1:4]))
 
     def _assemble_with_car(
-        self, car: kernels.Car, now: Array, x: Array, r: Array, factors: Factors = NO_TANGENT,
-        tangent: Tangent | None = None,
-    ) -> tuple[float, ...]:  # fmt: skip
-        at = Instant(now, self._bands, self._contact)
-        ride = kernels.CarOnMesh(car, self._at_car, NO_BOUNDS)
-        forces = kernels.assemble_with_car(self._cable, ride, at, x, r, tangent or self._tangent, factors)
-        self.min_tension_and_position = forces[:2]
-        return forces
+        self, car: kernels.Car, drive_inputs: Array, x: Array, r: Array, factors: Factors = NO_TANGENT
+    ) -> kernels.CarBalance:
+        """Set r, `min_tension_and_position` and, unless the factors are 0, `_tangent` at x, rows q, v, a."""
+        instant = Instant(drive_inputs, self._bands, self._coupling)
+        car_on_mesh = kernels.CarOnMesh(car, self._at_car, NO_BOUNDS)
+        balance = kernels.assemble_with_car(self._cable, car_on_mesh, instant, x, r, self._tangent, factors)
+        self.min_tension_and_position = balance.min_tension, balance.min_at
+        return balance
 
     def with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest with the car clamped to it."""
         return FollowingElements(replace(self.groups, motion=rest_motion(s_o, 1.0), drive=GRIP), **self._at_rest)
 
-    def _rest_of_hauled_car(self, s_o: float) -> Array:
+    def _hauled_car_at_rest(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
-        on_its_rope = CarOnRope(still, **self._at_rest)
+        on_its_rope = HauledCarAtRest(still, **self._at_rest)
         return np.append(
             solve_equilibrium_on_haul_rope(on_its_rope, solve_equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0
         )
@@ -227,7 +225,7 @@ class RollingElements(RollingCar, FollowingElements):
         )
 
 
-class CarOnRope(RollingElements):
+class HauledCarAtRest(RollingElements):
     """A hauled car at rest; its last unknown is the force of the rope."""
 
     def linearise(

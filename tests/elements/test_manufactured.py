@@ -80,8 +80,8 @@ class Forced(FollowingElements):
         F[self.node] += G.mu * (p_tt - np.array([0.0, G.sigma])) - jump
         return F[:-1].ravel()
 
-    def _assemble(self, t, phase, x, r, factors):
-        super()._assemble(t, phase, x, r, factors)
+    def _set_residual_and_tangent(self, t, phase, x, r, factors):
+        super()._set_residual_and_tangent(t, phase, x, r, factors)
         r -= self.loads(t)
 
     def solve_step(self, *step):

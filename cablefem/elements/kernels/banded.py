@@ -4,6 +4,7 @@ import math
 from typing import Any, NamedTuple
 
 from cablefem.elements.kernels import compiled, inner
+from cablefem.newmark import Array
 
 
 class Tangent(NamedTuple):
@@ -14,10 +15,29 @@ class Tangent(NamedTuple):
 
 
 @compiled
-def factorise_in_place(ab, border):
-    """Overwrite a tangent with its factors; those of a singular one are NaN.
+def factorise_in_place(ab: Array, border: Array | None) -> None:
+    """Overwrite a `Tangent` with its factors; those of a singular one are NaN."""
+    factorise_band_in_place(ab)
+    if border is None:
+        return
+    n = ab.shape[0]
+    column = border[0]
+    row = border[1]
+    solved = border[2]
+    for i in range(n):
+        solved[i] = column[i]
+    solve_band_in_place(ab, solved)
+    for i in range(n):
+        column[n] -= row[i] * solved[i]
+    if column[n] == 0.0:
+        column[n] = math.nan
 
-    L has a unit diagonal, that of U is inverted. Rows stay: mass and taut cable give large diagonals.
+
+@inner
+def factorise_band_in_place(ab: Array) -> None:
+    """Overwrite a band with L, whose diagonal is 1, and U, whose diagonal is inverted.
+
+    Rows are not exchanged: mass and taut cable give large diagonals.
     """
     n = ab.shape[0]
     band = ab.shape[1] // 2
@@ -32,24 +52,12 @@ def factorise_in_place(ab, border):
             ab[i + k, band - k] = factor
             for j in range(1, far + 1):
                 ab[i + k, band - k + j] -= factor * ab[i, band + j]
-    if border is None:
-        return
-    column = border[0]
-    row = border[1]
-    solved = border[2]
-    for i in range(n):
-        solved[i] = column[i]
-    solve_band(ab, solved)
-    for i in range(n):
-        column[n] -= row[i] * solved[i]
-    if column[n] == 0.0:
-        column[n] = math.nan
 
 
 @compiled
-def solve(ab, border, b):
-    """Overwrite b with the solution and return it; without a last entry it is 0."""
-    solve_band(ab, b)
+def solve_in_place(ab: Array, border: Array | None, b: Array) -> Array:
+    """Overwrite b with the solution by factors, and return it; b without an entry for the border counts as 0 there."""
+    solve_band_in_place(ab, b)
     if border is None:
         return b
     n = ab.shape[0]
@@ -67,7 +75,8 @@ def solve(ab, border, b):
 
 
 @inner
-def solve_band(ab, b):
+def solve_band_in_place(ab: Array, b: Array) -> None:
+    """Overwrite b with the solution by the factors of a band."""
     n = ab.shape[0]
     band = ab.shape[1] // 2
     for i in range(n):
@@ -83,7 +92,7 @@ def solve_band(ab, b):
 
 
 @inner
-def dot(a, b):
+def dot(a: Array, b: Array) -> float:
     total = 0.0
     for i in range(a.size):
         total += a[i] * b[i]
@@ -91,8 +100,8 @@ def dot(a, b):
 
 
 @inner
-def multiply_banded(operator, n_fields, rows, x, y):
-    """Set y = A x in the rows (from, to); operator : (2 b + 1, n) diagonals of A."""
+def set_banded_product(operator: Array, n_fields: int, rows: tuple[int, int], x: Array, y: Array) -> None:
+    """Set y = A x in the rows (from, to), and 0 elsewhere; operator : (2 b + 1, n) diagonals of A."""
     half = operator.shape[0] // 2
     n = operator.shape[1]
     y[:] = 0.0

@@ -1,4 +1,4 @@
-"""The row of a car that rolls: Lagrange's equation of its place s_o, the last unknown.
+"""The row of a car that rolls: Lagrange's equation of its position s_o, the last unknown.
 
 The discrete Lagrangian of (q, s_o) is
 
@@ -15,15 +15,19 @@ import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.balance import (
+    Cable,
+    Factors,
     Instant,
-    assemble,
-    assemble_inertia_and_damping,
-    element_map,
-    hanging_cable_at,
+    Mesh,
+    assemble_cable,
     is_tangent_required,
+    set_mass_damping_stiffness,
+    side_begin_and_length,
+    static_slope_and_tension,
 )
-from cablefem.elements.kernels.banded import dot, multiply_banded
+from cablefem.elements.kernels.banded import Tangent, dot, set_banded_product
 from cablefem.elements.kernels.law import force_at_point
+from cablefem.newmark import Array
 
 FREE = 0
 HAUL = 1
@@ -34,8 +38,8 @@ class Car(NamedTuple):
     """A car between two events.
 
     `mode` FREE: s_o is unknown.  HELD: ds_o is constant.  HAUL: see `rolling`.
-    What drives it at an instant, `now` (3,): hauled s_o, ds_o, dds_o; else the force along the cable that still holds
-    it, the outer force along the mean tangent, and 0.
+    What drives it at an instant, `drive_inputs` (3,): hauled s_o, ds_o, dds_o; else the force along the cable that
+    still holds it, the outer force along the mean tangent, and 0.
     """
 
     mode: int
@@ -70,9 +74,18 @@ class ForcesOnCar(NamedTuple):
     drive: float  # F_drive on s_o
 
 
+class CarBalance(NamedTuple):
+    min_tension: float  # see `balance.MinTension`
+    min_at: float
+    row: float  # left side of the row of s_o
+    normal: float  # force between car and cable
+
+
 @inner
-def mean_tangent(mesh, slopes, s_o, xp, yp, q):
-    """Return the unit vector along the mean r' of both sides, and the mean |r'|."""
+def mean_tangent_and_stretch(
+    mesh: Mesh, slopes: Array, s_o: float, xp: float, yp: float, q: Array
+) -> tuple[tuple[float, float], float]:
+    """Return the unit vector along the mean r' of both sides of the car, and the mean |r'|; (xp, yp) : X' there."""
     mx = 0.0
     my = 0.0
     stretch = 0.0
@@ -93,18 +106,23 @@ def mean_tangent(mesh, slopes, s_o, xp, yp, q):
 
 
 @compiled
-def car_forces(cable, car, now, slopes, x):
+def forces_on_car(cable: Cable, car: Car, drive_inputs: Array, slopes: Array, x: Array) -> ForcesOnCar:
+    """Forces at x, rows q, v, a;  drive_inputs : see `Car`;  slopes : see `CarOnMesh`."""
     q = x[0]
     v = x[1]
     a = x[2]
     n = q.size - 1
     m = 2 * car.node
-    s_o, ds, dds = (now[0], now[1], now[2]) if car.mode == HAUL else (q[n], v[n], a[n])
-    hold, thrust = (0.0, 0.0) if car.mode == HAUL else (now[0], now[1])
-    xp, yp, T = hanging_cable_at(cable.law, s_o)
+    if car.mode == HAUL:
+        s_o, ds, dds = drive_inputs[0], drive_inputs[1], drive_inputs[2]
+        hold, thrust = 0.0, 0.0
+    else:
+        s_o, ds, dds = q[n], v[n], a[n]
+        hold, thrust = drive_inputs[0], drive_inputs[1]
+    xp, yp, T = static_slope_and_tension(cable.law, s_o)
     xpp = cable.law[1] * yp / (T * T)
     ypp = -cable.law[1] / (T * T * T)
-    tau, stretch = mean_tangent(cable.mesh, slopes, s_o, xp, yp, q)
+    tau, stretch = mean_tangent_and_stretch(cable.mesh, slopes, s_o, xp, yp, q)
     px = v[m] + xp * ds
     py = v[m + 1] + yp * ds
     fx = car.mu * (a[m] + xp * dds + xpp * ds * ds)
@@ -120,47 +138,50 @@ def car_forces(cable, car, now, slopes, x):
 
 
 @compiled
-def assemble_with_car(cable, rolling_car, now, x, r, tangent, factors):
+def assemble_with_car(
+    cable: Cable, rolling_car: CarOnMesh, instant: Instant, x: Array, r: Array, tangent: Tangent, factors: Factors
+) -> CarBalance:
     """Set the residual of cable and car and, unless the factors are 0, its bordered tangent.
 
-    Return the least mean tension, its s, the left side of the row of s_o, and the normal force.
-    The tangent omits the turning of the mean tangent.
+    instant.inputs : `drive_inputs` of `Car`.  The tangent omits the turning of the mean tangent.
     """
     car = rolling_car.car
-    forces_on_car = car_forces(cable, rolling_car.car, now.inputs, rolling_car.slopes, x)
+    forces = forces_on_car(cable, rolling_car.car, instant.inputs, rolling_car.slopes, x)
     n = x.shape[1] - 1
     m = 2 * car.node
-    tau = forces_on_car.tau
-    s_o = forces_on_car.s_o
+    tau = forces.tau
+    s_o = forces.s_o
     if not 0.0 < s_o < 1.0:
         r[:] = math.nan
-        return math.inf, s_o, math.nan, math.nan
+        return CarBalance(math.inf, s_o, math.nan, math.nan)
     rope = x[2, n] if car.mode == HAUL else 0.0
-    cx = forces_on_car.inertia[0] - forces_on_car.outside[0] - rope * tau[0]
-    cy = forces_on_car.inertia[1] - forces_on_car.outside[1] - rope * tau[1]
+    cx = forces.inertia[0] - forces.outside[0] - rope * tau[0]
+    cy = forces.inertia[1] - forces.outside[1] - rope * tau[1]
     inputs = np.empty(5)
     inputs[0] = s_o
-    inputs[1] = forces_on_car.ds
-    inputs[2] = forces_on_car.dds
+    inputs[1] = forces.ds
+    inputs[2] = forces.dds
     inputs[3] = cx - car.mu * x[2, m]
     inputs[4] = cy - car.mu * x[2, m + 1]
-    there = Instant(inputs, now.bands, now.contact)
-    assemble_inertia_and_damping(cable, there)
-    min_tension, min_at = assemble(cable, there, x, r, tangent, factors)
+    at_car = Instant(inputs, instant.bands, instant.coupling)
+    set_mass_damping_stiffness(cable, at_car)
+    min_tension, min_at = assemble_cable(cable, at_car, x, r, tangent, factors)
     if is_tangent_required(factors):
         tangent.border[:] = 0.0
-    row = add_force_row(cable, s_o, tangent.border, factors[0])
-    row += add_inertia_row(cable, m, forces_on_car, x, tangent.border, factors)
-    row += forces_on_car.slope[0] * cx + forces_on_car.slope[1] * cy - forces_on_car.drive
-    r[n] = car.mu * x[2, n] if car.mode == HELD else row
+    add_strain_to_car_row(cable, s_o, r, tangent.border, factors[0])
+    add_inertia_to_car_row(cable, m, forces, x, r, tangent.border, factors)
+    r[n] += forces.slope[0] * cx + forces.slope[1] * cy - forces.drive
+    row = r[n]
+    if car.mode == HELD:
+        r[n] = car.mu * x[2, n]
     if is_tangent_required(factors):
-        add_car_tangent(car, forces_on_car, (cx, cy), tangent, factors)
-    return min_tension, min_at, row, forces_on_car.normal
+        add_car_tangent(car, forces, (cx, cy), tangent, factors)
+    return CarBalance(min_tension, min_at, row, forces.normal)
 
 
 @inner
-def add_force_row(cable, s_o, border, c0):
-    """Return the cable's strain in the row of s_o; add its tangent to the border."""
+def add_strain_to_car_row(cable: Cable, s_o: float, r: Array, border: Array, c0: float) -> None:
+    """Add what the strain of the cable gives to the row of s_o, the last one; add its tangent to the border."""
     mesh = cable.mesh
     law = cable.law
     at = cable.points
@@ -172,14 +193,14 @@ def add_force_row(cable, s_o, border, c0):
     sigma = law[1]
     total = 0.0
     for e in range(mesh.dofs.shape[0]):
-        h = element_map(mesh, s_o, e)[1]
+        h = side_begin_and_length(mesh, s_o, e)[1]
         sign = 1.0 if e < mesh.n_left else -1.0
         for g in range(n_q):
             xi = mesh.tab[e, g, 0]
             weight = mesh.tab[e, g, 1]
             p = e * n_q + g
             chi = xi if e < mesh.n_left else 1.0 - xi
-            xp, yp, T = hanging_cable_at(law, at[0, p])
+            xp, yp, T = static_slope_and_tension(law, at[0, p])
             xpp = sigma * yp / (T * T)
             ypp = -sigma / (T * T * T)
             T_s = -sigma * yp
@@ -187,19 +208,20 @@ def add_force_row(cable, s_o, border, c0):
             ry = at[2, p]
             du = rx - xp
             dv = ry - yp
-            fx, fy, k_geo, k_mat, N, W, eps = force_at_point(xp, yp, T, du, dv, alpha, law[3])
+            f = force_at_point(xp, yp, T, du, dv, alpha, law[3])
             static = xp * du + yp * dv
-            D_s = (N - T) / alpha * T_s + k_geo * (rx * xpp + ry * ypp) - T_s * static - T * (xpp * du + ypp * dv)
-            total += weight * (sign * (W - T * static - fx * du - fy * dv) + h * chi * D_s)
+            D_s = (f.N - T) / alpha * T_s + f.geometric * (rx * xpp + ry * ypp)
+            D_s = D_s - T_s * static - T * (xpp * du + ypp * dv)
+            total += weight * (sign * (f.energy - T * static - f.x * du - f.y * dv) + h * chi * D_s)
             if c0 == 0.0:
                 continue
             yx = chi * xpp - sign / h * du
             yy = chi * ypp - sign / h * dv
-            bend = k_mat * (rx * yx + ry * yy)
-            along = bend + (0.0 if N == 0.0 else chi * T_s / (1.0 + eps))
-            f_sx = c0 * (k_geo * yx + along * rx - chi * (T_s * xp + T * xpp))
-            f_sy = c0 * (k_geo * yy + along * ry - chi * (T_s * yp + T * ypp))
-            column[-1] += weight * c0 * h * (k_geo * (yx * yx + yy * yy) + bend * (rx * yx + ry * yy))
+            bend = f.material * (rx * yx + ry * yy)
+            along = bend + (0.0 if f.N == 0.0 else chi * T_s / (1.0 + f.strain))
+            f_sx = c0 * (f.geometric * yx + along * rx - chi * (T_s * xp + T * xpp))
+            f_sy = c0 * (f.geometric * yy + along * ry - chi * (T_s * yp + T * ypp))
+            column[-1] += weight * c0 * h * (f.geometric * (yx * yx + yy * yy) + bend * (rx * yx + ry * yy))
             for i in range(n_loc):
                 d = mesh.dofs[e, i]
                 if d >= 0:
@@ -208,17 +230,22 @@ def add_force_row(cable, s_o, border, c0):
                     column[2 * d + 1] += grad * f_sy
                     row[2 * d] += grad * f_sx
                     row[2 * d + 1] += grad * f_sy
-    return total
+    r[-1] += total
 
 
 @inner
-def add_inertia_row(cable, node, forces_on_car, x, border, factors):
-    """Return the cable's inertia and damping in the row of s_o; add their tangent to the border."""
+def add_inertia_to_car_row(
+    cable: Cable, node: int, forces: ForcesOnCar, x: Array, r: Array, border: Array, factors: Factors
+) -> None:
+    """Add what inertia and damping of the cable give to the row of s_o; add their tangent to the border.
+
+    node : number of the first unknown at the car.
+    """
     operators = cable.operators
     n = cable.operators.shape[2]
     c_d = cable.damping
-    ds = forces_on_car.ds
-    dds = forces_on_car.dds + c_d * forces_on_car.ds
+    ds = forces.ds
+    dds = forces.dds + c_d * forces.ds
     c0 = factors[0]
     c1 = factors[1]
     c2 = factors[2] + c_d * factors[1]
@@ -242,7 +269,7 @@ def add_inertia_row(cable, node, forces_on_car, x, border, factors):
     for i in range(n):
         a[i] = x[2, i] + c_d * v[i]
     for side in range(2):
-        h, sign = (forces_on_car.s_o, 1.0) if side == 0 else (1.0 - forces_on_car.s_o, -1.0)
+        h, sign = (forces.s_o, 1.0) if side == 0 else (1.0 - forces.s_o, -1.0)
         flow = ds / h
         speed_up = dds / h
         rows = (0, node + 2) if side == 0 else (node, n)
@@ -250,10 +277,10 @@ def add_inertia_row(cable, node, forces_on_car, x, border, factors):
         G = operators[2 + side]
         GT = operators[4 + side]
         H = operators[6 + side]
-        multiply_banded(M, 2, rows, v, Mv)
-        multiply_banded(G, 2, rows, q, Gq)
-        multiply_banded(G, 2, rows, v, Gv)
-        multiply_banded(H, 2, rows, q, Hq)
+        set_banded_product(M, 2, rows, v, Mv)
+        set_banded_product(G, 2, rows, q, Gq)
+        set_banded_product(G, 2, rows, v, Gv)
+        set_banded_product(H, 2, rows, q, Hq)
         for i in range(rows[0], rows[1]):
             of_H = (speed_up - 0.5 * sign * flow * flow) * q[i] + 2.0 * flow * v[i]
             terms[i] = of_H * Hq[i] - 0.5 * sign * v[i] * Mv[i] - a[i] * Gq[i] - v[i] * Gv[i]
@@ -261,10 +288,10 @@ def add_inertia_row(cable, node, forces_on_car, x, border, factors):
             total += terms[i]
         if not is_tangent_required(factors):
             continue
-        multiply_banded(M, 2, rows, a, Ma)
-        multiply_banded(GT, 2, rows, v, GTv)
-        multiply_banded(GT, 2, rows, a, GTa)
-        multiply_banded(H, 2, rows, v, Hv)
+        set_banded_product(M, 2, rows, a, Ma)
+        set_banded_product(GT, 2, rows, v, GTv)
+        set_banded_product(GT, 2, rows, a, GTa)
+        set_banded_product(H, 2, rows, v, Hv)
         qHq = dot(Hq, q)
         qHv = dot(Hq, v)
         corner += c0 * (flow * flow / h * qHq - sign / h * (speed_up * qHq + 2.0 * flow * qHv))
@@ -276,22 +303,25 @@ def add_inertia_row(cable, node, forces_on_car, x, border, factors):
             row[i] += c0 * by_q - c1 * (sign * Mv[i] + Gv[i] + GTv[i] - 2.0 * flow * Hq[i]) - c2 * Gq[i]
     if is_tangent_required(factors):
         column[n] += corner
-    return total
+    r[-1] += total
 
 
 @inner
-def add_car_tangent(car, forces_on_car, contact_force, tangent, factors):
+def add_car_tangent(
+    car: Car, forces: ForcesOnCar, contact_force: tuple[float, float], tangent: Tangent, factors: Factors
+) -> None:
+    """Add what the forces on the car give to the tangent; contact_force : of the car on the cable, before friction."""
     ab, border = tangent
     m = 2 * car.node
     c0, c1, c2 = factors
     at = ab.shape[1] // 2
-    xp, yp = forces_on_car.slope
-    xpp, ypp = forces_on_car.bend
-    tau = forces_on_car.tau
+    xp, yp = forces.slope
+    xpp, ypp = forces.bend
+    tau = forces.tau
     column = border[0]
     row = border[1]
-    ux = forces_on_car.velocity[0] - car.wind
-    uy = forces_on_car.velocity[1]
+    ux = forces.velocity[0] - car.wind
+    uy = forces.velocity[1]
     size = math.sqrt(ux * ux + uy * uy)
     per = car.drag / size if size > 0.0 else 0.0
     d11 = c1 * per * (size * size + ux * ux)
@@ -303,17 +333,16 @@ def add_car_tangent(car, forces_on_car, contact_force, tangent, factors):
     ab[m + 1, at] += d22
     dx = d11 * xp + d12 * yp
     dy = d12 * xp + d22 * yp
-    rub = (
-        forces_on_car.stretch * car.heading * car.friction * (1.0 if forces_on_car.normal > 0.0 else -1.0) * car.mu * c2
-    )
-    row[m] += c2 * car.mu * xp + dx + rub * tau[1]
-    row[m + 1] += c2 * car.mu * yp + dy - rub * tau[0]
+    side = 1.0 if forces.normal > 0.0 else -1.0
+    friction = forces.stretch * car.heading * car.friction * side * car.mu * c2
+    row[m] += c2 * car.mu * xp + dx + friction * tau[1]
+    row[m + 1] += c2 * car.mu * yp + dy - friction * tau[0]
     if car.mode == FREE:
-        by_s = car.mu * (c1 * 2.0 * forces_on_car.ds + c0 * forces_on_car.dds)
+        by_s = car.mu * (c1 * 2.0 * forces.ds + c0 * forces.dds)
         column[m] += car.mu * c2 * xp + by_s * xpp + dx
         column[m + 1] += car.mu * c2 * yp + by_s * ypp + dy
         column[-1] += c2 * car.mu + dx * xp + dy * yp
-        column[-1] += rub * (xp * tau[1] - yp * tau[0]) + c0 * (xpp * contact_force[0] + ypp * contact_force[1])
+        column[-1] += friction * (xp * tau[1] - yp * tau[0]) + c0 * (xpp * contact_force[0] + ypp * contact_force[1])
         return
     column[:] = 0.0
     if car.mode == HAUL:
@@ -326,8 +355,8 @@ def add_car_tangent(car, forces_on_car, contact_force, tangent, factors):
 
 
 @inner
-def is_before_event(cable, rolling_car, inputs, x):
-    """Return whether a car at x has had no event.
+def is_before_event(cable: Cable, rolling_car: CarOnMesh | None, drive_inputs: Array, x: Array) -> bool:
+    """Return whether a car at x has had no event; True without a car.
 
     rolling_car.bounds : (6,) or empty: bounds of s_o, signs of ds_o and of speed (0: any), smallest speed and normal
         force.
@@ -341,6 +370,6 @@ def is_before_event(cable, rolling_car, inputs, x):
     slip = x[1, -1]
     if not bounds[0] < s_o < bounds[1] or (bounds[2] != 0.0 and not bounds[2] * slip > 0.0):
         return False
-    forces_on_car = car_forces(cable, rolling_car.car, inputs, rolling_car.slopes, x)
-    speed = forces_on_car.velocity[0] * forces_on_car.tau[0] + forces_on_car.velocity[1] * forces_on_car.tau[1]
-    return (bounds[3] == 0.0 or bounds[3] * speed > bounds[4]) and forces_on_car.normal > bounds[5]
+    forces = forces_on_car(cable, rolling_car.car, drive_inputs, rolling_car.slopes, x)
+    speed = forces.velocity[0] * forces.tau[0] + forces.velocity[1] * forces.tau[1]
+    return (bounds[3] == 0.0 or bounds[3] * speed > bounds[4]) and forces.normal > bounds[5]

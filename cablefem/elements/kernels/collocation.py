@@ -10,10 +10,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.balance import Contact, Instant, assemble_inertia_and_damping, element_map
-from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve
-from cablefem.elements.kernels.car import is_before_event
+from cablefem.elements.kernels.balance import (
+    Cable,
+    Instant,
+    MassCoupling,
+    set_mass_damping_stiffness,
+    side_begin_and_length,
+)
+from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve_in_place
+from cablefem.elements.kernels.car import CarOnMesh, is_before_event
 from cablefem.elements.kernels.newton import NO_TANGENT, assemble_balance
+from cablefem.newmark import Array, Newton, Tableau
 
 SAME_STEP = 1e-6  # relative change of the step with kept factors
 FAST_ENOUGH = 0.03  # rate of convergence with kept factors
@@ -23,7 +30,7 @@ class Steps(NamedTuple):
     """See `cablefem.newmark.System.collocate_steps`."""
 
     inputs: Any  # (m, s, .) at the nodes, see `newton.Steps`
-    contact: Contact  # of the nodes, (s, ...) each
+    coupling: MassCoupling  # of the nodes, (s, ...) each
     t: Any  # (m + 1,)
     ends: Any  # (m + 1, 2, n)
     a: Any  # (m, s, n)
@@ -46,54 +53,49 @@ class Workspace(NamedTuple):
 
 class Step(NamedTuple):
     inputs: Any  # (s, .)
-    contact: Contact
+    coupling: MassCoupling
     start: Any  # (2, n)
     dt: float
     a: Any  # (s, n)
 
 
 @compiled
-def collocate_until_event(cable, rolling_car, workspace, steps, rule, newton):
+def collocate_until_event(
+    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, steps: Steps, rule: Tableau, newton: Newton
+) -> int:
     """Take steps; return how many converged before an event of the car.
 
     A step with a slack element is the last one where `slack_ends`.
-    rule : `cablefem.newmark.Tableau`;  newton : `cablefem.newmark.Newton`.
     """
     x = workspace.x
     for k in range(steps.a.shape[0]):
         if k > 0:
             set_weighted_sums(steps.extrapolation[k], steps.a[k - 1], steps.a[k])
+        step = Step(steps.inputs[k], steps.coupling, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
         for i in range(x.shape[0]):
             if steps.inputs.shape[2] > 3:  # with a car, `assemble_with_car` does this
-                assemble_inertia_and_damping(cable, instant_at_node(steps.inputs[k], steps.contact, workspace.bands, i))
-        step = Step(steps.inputs[k], steps.contact, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
-        done, min_tension, min_at = solve_step(cable, rolling_car, workspace, step, rule, newton)
+                set_mass_damping_stiffness(cable, instant_at_node(step, workspace.bands, i))
         result = steps.results[k]
-        result[0] = done[0]
-        result[1] = done[1]
-        result[2] = done[2]
-        result[3] = done[3]
-        result[4] = min_tension
-        result[5] = min_at
-        if not done[0] <= newton.bound:
+        solve_collocation_step(cable, rolling_car, workspace, step, rule, newton, result)
+        if not result[0] <= newton.bound:
             return k
         set_end_state(step, rule, steps.ends[k + 1])
         if not is_before_event(cable, rolling_car, step.inputs[-1], x[-1]):
             return k
-        if steps.slack_ends and not min_tension >= 0.0:
+        if steps.slack_ends and not result[4] >= 0.0:
             return k + 1
     return steps.a.shape[0]
 
 
 @inner
-def instant_at_node(inputs, contact, bands, i):
-    """`Instant` of node i, from the contacts of all nodes."""
-    dofs, shape, m_row, c_row, k_row = contact
-    return Instant(inputs[i], bands[i], Contact(dofs[i], shape[i], m_row[i], c_row[i], k_row[i]))
+def instant_at_node(step: Step, bands: Array, i: int) -> Instant:
+    """`Instant` of node i of a step; bands : of all nodes."""
+    dofs, shape, m_row, c_row, k_row = step.coupling
+    return Instant(step.inputs[i], bands[i], MassCoupling(dofs[i], shape[i], m_row[i], c_row[i], k_row[i]))
 
 
 @inner
-def copy_part(matrix, parts, k):
+def copy_to_part(matrix: Array | None, parts: Array, k: int) -> None:
     """Copy a matrix, or none, to part k of `Workspace.parts`."""
     if matrix is None:
         return
@@ -103,8 +105,11 @@ def copy_part(matrix, parts, k):
 
 
 @inner
-def solve_step(cable, rolling_car, workspace, step, rule, newton):
-    """Find the accelerations; return (|r|, iterations, factorisations, residuals), least tension, its s.
+def solve_collocation_step(
+    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, rule: Tableau, newton: Newton,
+    result: Array,
+) -> None:  # fmt: skip
+    """Set the accelerations of a step by Newton's method, and its row of `Steps.results`.
 
     With old factors, a correction that does not help is taken back.
     """
@@ -112,8 +117,8 @@ def solve_step(cable, rolling_car, workspace, step, rule, newton):
     anew = not old
     iterations = 0
     factorisations = 0
-    residuals = 0
-    norm, min_tension, min_at = set_residuals(cable, rolling_car, workspace, step, rule)
+    norm = set_states_and_residuals(cable, rolling_car, workspace, step, rule, result)
+    result[3] = 0  # counts those of corrections
     before = math.inf
     while iterations < newton.max_iter:
         iterations += 1
@@ -121,56 +126,74 @@ def solve_step(cable, rolling_car, workspace, step, rule, newton):
             old = False
             workspace.kept_step[0] = step.dt
             factorisations += 1
-            factorise_tangents(cable, rolling_car, workspace, step, rule)
-        solve_corrections(workspace, rule)
+            assemble_and_factorise_tangents(cable, rolling_car, workspace, step, rule)
+        set_corrections(workspace, rule)
         before = norm
-        fraction = 1.0
-        for _ in range(newton.halvings + 1):
-            subtract_scaled(fraction, workspace.da, step.a)
-            norm, min_tension, min_at = set_residuals(cable, rolling_car, workspace, step, rule)
-            residuals += 1
-            if old or norm < before or (iterations <= newton.patience and norm < math.inf):
-                break
-            fraction = -0.5 if fraction == 1.0 else 0.5 * fraction  # takes half of the correction back
+        limit = math.inf if iterations <= newton.patience else before
+        halvings = 0 if old else newton.halvings
+        norm = correct_until_smaller(cable, rolling_car, workspace, step, rule, halvings, limit, result)
         anew = not norm <= newton.reuse * before
         if norm <= newton.bound:
             break
         if old and not norm < before:
             subtract_scaled(-1.0, workspace.da, step.a)
-            norm, min_tension, min_at = set_residuals(cable, rolling_car, workspace, step, rule)
-            residuals += 1
-        elif not norm < math.inf or (not old and cannot_converge(norm, before, iterations, newton)):
+            norm = set_states_and_residuals(cable, rolling_car, workspace, step, rule, result)
+        elif not old and cannot_converge(norm, before, iterations, newton):
             break
     if not (norm <= newton.bound and norm <= FAST_ENOUGH * before):
         workspace.kept_step[0] = math.nan
-    return (norm, iterations, factorisations, residuals), min_tension, min_at
+    result[0] = norm
+    result[1] = iterations
+    result[2] = factorisations
 
 
 @inner
-def cannot_converge(norm, before, iterations, newton):
+def cannot_converge(norm: float, before: float, iterations: int, newton: Newton) -> bool:
+    if not norm < math.inf:
+        return True
     if iterations <= newton.patience:
         return False
     return norm * (norm / before) ** (newton.enough - iterations) > newton.bound
 
 
 @inner
-def set_residuals(cable, rolling_car, workspace, step, rule):
-    """Set states and residuals of the nodes; return |r|, and the least tension and its s at the last."""
-    square = 0.0
-    min_tension = math.inf
-    min_at = 0.0
-    for i in range(step.a.shape[0]):
-        set_node_state(step, rule, i, workspace.x[i])
-        r = workspace.r[i]
-        now = instant_at_node(step.inputs, step.contact, workspace.bands, i)
-        min_tension, min_at = assemble_balance(cable, rolling_car, now, workspace.x[i], r, workspace.real, NO_TANGENT)
-        for j in range(r.size):
-            square += r[j] * r[j]
-    return math.sqrt(square), min_tension, min_at
+def correct_until_smaller(
+    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, rule: Tableau, halvings: int,
+    limit: float, result: Array,
+) -> float:  # fmt: skip
+    """Correct the accelerations by da, or by halves of it until |r| is smaller than a limit; return |r|."""
+    fraction = 1.0
+    norm = math.inf
+    for _ in range(halvings + 1):
+        subtract_scaled(fraction, workspace.da, step.a)
+        norm = set_states_and_residuals(cable, rolling_car, workspace, step, rule, result)
+        if norm < limit:
+            break
+        fraction = -0.5 if fraction == 1.0 else 0.5 * fraction  # takes half of the correction back
+    return norm
 
 
 @inner
-def set_node_state(step, rule, i, x):
+def set_states_and_residuals(
+    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, rule: Tableau, result: Array
+) -> float:
+    """Set states and residuals of the nodes, and the least tension at the last one; return |r| of all."""
+    square = 0.0
+    for i in range(step.a.shape[0]):
+        set_node_state(step, rule, i, workspace.x[i])
+        r = workspace.r[i]
+        instant = instant_at_node(step, workspace.bands, i)
+        result[4], result[5] = assemble_balance(
+            cable, rolling_car, instant, workspace.x[i], r, workspace.real, NO_TANGENT
+        )
+        for j in range(r.size):
+            square += r[j] * r[j]
+    result[3] += 1
+    return math.sqrt(square)
+
+
+@inner
+def set_node_state(step: Step, rule: Tableau, i: int, x: Array) -> None:
     """Set the state x at a node: q = q0 + c dt v0 + dt^2 (A A a), v = v0 + dt A a."""
     q0 = step.start[0]
     v0 = step.start[1]
@@ -192,7 +215,8 @@ def set_node_state(step, rule, i, x):
 
 
 @inner
-def set_end_state(step, rule, end):
+def set_end_state(step: Step, rule: Tableau, end: Array) -> None:
+    """Set q and v at the end of a step, from the accelerations of its nodes."""
     q0 = step.start[0]
     v0 = step.start[1]
     dt = step.dt
@@ -207,7 +231,8 @@ def set_end_state(step, rule, end):
 
 
 @inner
-def set_weighted_sums(weights, vectors, out):
+def set_weighted_sums(weights: Array, vectors: Array, out: Array) -> None:
+    """Set out = weights @ vectors."""
     out[:] = 0.0
     for i in range(weights.shape[0]):
         for k in range(weights.shape[1]):
@@ -219,7 +244,8 @@ def set_weighted_sums(weights, vectors, out):
 
 
 @inner
-def subtract_scaled(fraction, da, a):
+def subtract_scaled(fraction: float, da: Array, a: Array) -> None:
+    """Take a fraction of da from a."""
     for i in range(a.shape[0]):
         x = a[i]
         of = da[i]
@@ -228,15 +254,18 @@ def subtract_scaled(fraction, da, a):
 
 
 @inner
-def factorise_tangents(cable, rolling_car, workspace, step, rule):
+def assemble_and_factorise_tangents(
+    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, rule: Tableau
+) -> None:
+    """Set `real` and `complex_pair` of a workspace to factors of the middle node's tangent, and its `scales`."""
     middle = rule.middle
     spare = np.empty(workspace.r.shape[1])
-    now = instant_at_node(step.inputs, step.contact, workspace.bands, middle)
+    instant = instant_at_node(step, workspace.bands, middle)
     for k in range(3):
         unit = (1.0 if k == 0 else 0.0), (1.0 if k == 1 else 0.0), (1.0 if k == 2 else 0.0)
-        assemble_balance(cable, rolling_car, now, workspace.x[middle], spare, workspace.real, unit)
-        copy_part(workspace.real.ab, workspace.parts.ab, k)
-        copy_part(workspace.real.border, workspace.parts.border, k)
+        assemble_balance(cable, rolling_car, instant, workspace.x[middle], spare, workspace.real, unit)
+        copy_to_part(workspace.real.ab, workspace.parts.ab, k)
+        copy_to_part(workspace.real.border, workspace.parts.border, k)
     c1 = step.dt * abs(rule.eigenvalues[0])
     set_row_scales(cable, rolling_car, workspace, step, c1 * c1, middle)
     for k in range(rule.eigenvalues.size):
@@ -249,14 +278,16 @@ def factorise_tangents(cable, rolling_car, workspace, step, rule):
 
 
 @inner
-def factorise_combination(c0, c1, parts, tangent):
+def factorise_combination(c0: complex, c1: complex, parts: Tangent, tangent: Tangent) -> None:
+    """Set a tangent to the factors of c0 dr/dq + c1 dr/dv + dr/da, the parts."""
     set_combination(c0, c1, parts.ab, tangent.ab)
     set_combination(c0, c1, parts.border, tangent.border)
     factorise_in_place(tangent.ab, tangent.border)
 
 
 @inner
-def set_combination(c0, c1, parts, out):
+def set_combination(c0: complex, c1: complex, parts: Array, out: Array | None) -> None:
+    """Set out, if there is one, to c0 parts[0] + c1 parts[1] + parts[2]."""
     if out is None:
         return
     for i in range(out.shape[0]):
@@ -265,8 +296,10 @@ def set_combination(c0, c1, parts, out):
 
 
 @inner
-def set_row_scales(cable, rolling_car, workspace, step, c0, middle):
-    """Scale the rows of each node so that the middle tangent fits its diagonal."""
+def set_row_scales(
+    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, c0: float, middle: int
+) -> None:
+    """Set scales of the rows of each node so that the middle tangent fits its diagonal; with a car they stay 1."""
     if rolling_car is not None:
         return
     bands = workspace.bands
@@ -276,13 +309,13 @@ def set_row_scales(cable, rolling_car, workspace, step, c0, middle):
     M_c = workspace.parts.ab[2]
     half = bands.shape[2] // 2
     band = M_c.shape[1] // 2
-    n_fields = step.contact.dofs.shape[2]
+    n_fields = step.coupling.dofs.shape[2]
     scales[:] = 0.0
     for i in range(scales.shape[0]):
         for e in range(mesh.dofs.shape[0]):
             for d in mesh.dofs[e]:
                 for k in range(n_fields if d >= 0 else 0):
-                    scales[i, d * n_fields + k] += 1.0 / element_map(mesh, step.inputs[i, 0], e)[1]
+                    scales[i, d * n_fields + k] += 1.0 / side_begin_and_length(mesh, step.inputs[i, 0], e)[1]
     for j in range(scales.shape[1]):
         K = c0 * K_c[j, band]
         M = M_c[j, band]
@@ -293,37 +326,51 @@ def set_row_scales(cable, rolling_car, workspace, step, c0, middle):
 
 
 @inner
-def solve_corrections(workspace, rule):
-    s, n = workspace.r.shape
-    r = workspace.r
-    da = workspace.da
-    real = np.empty(n)
-    along = np.empty(n, dtype=np.complex128)
-    da[:] = 0.0
-    for i in range(s):
-        for j in range(n):
-            r[i, j] *= workspace.scales[i, j]
+def set_corrections(workspace: Workspace, rule: Tableau) -> None:
+    """Set `da` of a workspace to the corrections of all nodes, from `r`, which is scaled in place."""
+    workspace.da[:] = 0.0
+    for i in range(workspace.r.shape[0]):
+        for j in range(workspace.r.shape[1]):
+            workspace.r[i, j] *= workspace.scales[i, j]
     for k in range(rule.eigenvalues.size):
         if rule.eigenvalues[k].imag == 0.0:
-            for j in range(n):
-                real[j] = 0.0
-                for i in range(s):
-                    real[j] += rule.to_modes[k, i].real * r[i, j]
-            solve(workspace.real.ab, workspace.real.border, real)
-            for i in range(s):
-                for j in range(n):
-                    da[i, j] += rule.from_modes[i, k].real * real[j]
+            add_real_mode(workspace, rule, k)
         else:
-            for j in range(n):
-                x = 0.0
-                y = 0.0
-                for i in range(s):
-                    x += rule.to_modes[k, i].real * r[i, j]
-                    y += rule.to_modes[k, i].imag * r[i, j]
-                along[j] = complex(x, y)
-            solve(workspace.complex_pair.ab, workspace.complex_pair.border, along)
-            for i in range(s):
-                x = rule.from_modes[i, k].real
-                y = rule.from_modes[i, k].imag
-                for j in range(n):
-                    da[i, j] += x * along[j].real - y * along[j].imag
+            add_complex_mode(workspace, rule, k)
+
+
+@inner
+def add_real_mode(workspace: Workspace, rule: Tableau, k: int) -> None:
+    """Add the correction along the eigenvector k of the rule to `da`."""
+    s, n = workspace.r.shape
+    da = workspace.da
+    along = np.empty(n)
+    for j in range(n):
+        along[j] = 0.0
+        for i in range(s):
+            along[j] += rule.to_modes[k, i].real * workspace.r[i, j]
+    solve_in_place(workspace.real.ab, workspace.real.border, along)
+    for i in range(s):
+        for j in range(n):
+            da[i, j] += rule.from_modes[i, k].real * along[j]
+
+
+@inner
+def add_complex_mode(workspace: Workspace, rule: Tableau, k: int) -> None:
+    """The same for a pair of complex eigenvectors."""
+    s, n = workspace.r.shape
+    da = workspace.da
+    along = np.empty(n, dtype=np.complex128)
+    for j in range(n):
+        x = 0.0
+        y = 0.0
+        for i in range(s):
+            x += rule.to_modes[k, i].real * workspace.r[i, j]
+            y += rule.to_modes[k, i].imag * workspace.r[i, j]
+        along[j] = complex(x, y)
+    solve_in_place(workspace.complex_pair.ab, workspace.complex_pair.border, along)
+    for i in range(s):
+        x = rule.from_modes[i, k].real
+        y = rule.from_modes[i, k].imag
+        for j in range(n):
+            da[i, j] += x * along[j].real - y * along[j].imag
