@@ -229,8 +229,8 @@ def test_a_condition_on_a_number_that_only_lines_have_is_read_back(cablefem):
 
 def test_units_are_those_that_are_printed():
     clause = parse_condition("arrival.speed <= 10 km/h")[0]
-    assert clause.limit("m/s") == pytest.approx(10.0 / 3.6)
-    assert parse_condition("tension_max <= 30 kN")[0].limit("N") == 30e3
+    assert clause.limit_in("m/s") == pytest.approx(10.0 / 3.6)
+    assert parse_condition("tension_max <= 30 kN")[0].limit_in("N") == 30e3
 
 
 def test_without_a_check_the_bar_is_what_the_least_model_leaves_out():

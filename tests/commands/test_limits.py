@@ -11,7 +11,7 @@ import cablefem as cf
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.limits import CASES
 from cablefem.scene.line import Line
-from validation.commands.run.study import rechecked_quasi_static_ride
+from validation.commands.run.study import rechecked_quasi_static_run
 from validation.core import limits, readback, recomputed
 
 pytestmark = pytest.mark.usefixtures("unanimated")
@@ -27,7 +27,7 @@ TRAMWAY = Scene.load("tramway").replace({**TEXTS, "cable.breaking_load": 2.3e6, 
 
 @pytest.fixture(scope="module")
 def tramway():
-    r = rechecked_quasi_static_ride(TRAMWAY)
+    r = rechecked_quasi_static_run(TRAMWAY)
     return r, limits.limit_rows(TRAMWAY, r.design, r.events)
 
 
@@ -65,7 +65,7 @@ def test_a_limit_within_the_bar_is_too_close_to_tell(tramway):
 def test_what_is_missing_is_named():
     scene = Scene.load("tramway").replace(TEXTS | {"obstacle": [HUT | {"kind": None}]})
     bare = scene.replace({"mass.wheels": None})
-    r = rechecked_quasi_static_ride(bare)
+    r = rechecked_quasi_static_run(bare)
     missing = {row["verdict"] for row in limits.limit_rows(bare, r.design)}
     keys = ("cable.breaking_load", "the car wheels", "obstacle.hut.kind")
     assert {f"cannot be judged: give {key}" for key in keys} <= missing
@@ -192,7 +192,7 @@ def test_load_cases_make_a_grid_and_say_what_is_missing(cablefem):
     assert cablefem(*given, "--case", "ice", "--case", "wind")[0] == 0
     rows = json.loads(Path("x/grid/grid.json").read_text())["rows"]
     tension = next(
-        row["value"] for row in rechecked_quasi_static_ride(heavier).design if row["quantity"] == "tension_max"
+        row["value"] for row in rechecked_quasi_static_run(heavier).design if row["quantity"] == "tension_max"
     )
     assert [row["case"] for row in rows] == ["ice", "wind"]
     assert rows[0]["tension_max"] == pytest.approx(tension)

@@ -48,7 +48,7 @@ SAMPLE = {"kind": "sobol", "count": 12, "seed": 7, "range": RANGE}
 
 
 def test_a_grid_has_all_combinations_once():
-    study = Study.of(GRID)
+    study = Study.from_table(GRID)
     points = [study.point(i) for i in range(len(study))]
     assert len(study) == 9
     assert len({tuple(p.values()) for p in points}) == 9
@@ -60,7 +60,7 @@ def test_a_grid_has_all_combinations_once():
 def test_a_sample_stays_in_its_ranges_and_is_the_same_again():
     for kind in ("sobol", "latin_hypercube", "random"):
         first, again, other = (
-            Study.of({"scene": "level", "method": "fourier", "sample": SAMPLE | {"kind": kind, "seed": seed}})
+            Study.from_table({"scene": "level", "method": "fourier", "sample": SAMPLE | {"kind": kind, "seed": seed}})
             for seed in (7, 7, 8)
         )
         points = [first.point(i) for i in range(12)]
@@ -72,17 +72,17 @@ def test_a_sample_stays_in_its_ranges_and_is_the_same_again():
 
 
 def test_a_point_changes_the_scene_and_nothing_else():
-    study = Study.of(GRID | {"sample": SAMPLE, "vary": None})
+    study = Study.from_table(GRID | {"sample": SAMPLE, "vary": None})
     point = study.point(3)
     scene = study.scene_at(point)
     assert scene.sag == pytest.approx(point["cable.sag"], rel=1e-9)
     assert scene.mu == pytest.approx(point["mu"], rel=1e-12)
-    assert pytest.approx(Study.of(GRID).scene_at({"mass.mass": 1000}).cable.EA) == scene.cable.EA
+    assert pytest.approx(Study.from_table(GRID).scene_at({"mass.mass": 1000}).cable.EA) == scene.cable.EA
 
 
 def test_a_study_of_groups_needs_no_base_scene():
     axes = {"sag_ratio": [0.01, 0.2], "alpha": [50, 1e4], "mu": [0.1, 1.0], "speed_ratio": [0.1, 0.8], "slope": [0, 45]}
-    study = Study.of({"method": "following-p2", "tol": 1e-2, "sample": {"count": 3, "range": axes}})
+    study = Study.from_table({"method": "following-p2", "tol": 1e-2, "sample": {"count": 3, "range": axes}})
     for i in range(3):
         point, scene = study.point(i), study.scene_at(study.point(i))
         assert scene.slope == pytest.approx(point["slope"], abs=1e-9)
@@ -97,8 +97,12 @@ def test_a_study_reads_back_without_the_file_of_its_scene_and_points_keep_their_
     axes = {"mu": {"from": 0.1, "to": 1.0, "log": True}, "slope": [0, 45], "travel": {"choices": ["constant_speed"]}}
     grid = {"mu": {"from": 0.1, "to": 1.0, "count": 3}, "slope": [0, 20, 45], "sag_ratio": {"choices": [0.1, 0.2]}}
     how = {"method": "following-p2", "tol": 1e-2}
-    for asked in (Study.of(how | {"sample": {"count": 4, "range": axes}}), Study.of(how | {"vary": grid}), file):
-        kept = Study.of(tomllib.loads(asked.to_toml()))
+    for asked in (
+        Study.from_table(how | {"sample": {"count": 4, "range": axes}}),
+        Study.from_table(how | {"vary": grid}),
+        file,
+    ):
+        kept = Study.from_table(tomllib.loads(asked.to_toml()))
         assert (kept.scene, kept.method, kept.settings) == (asked.scene, asked.method, asked.settings)
         assert [kept.point(i) for i in range(len(kept))] == [asked.point(i) for i in range(len(asked))]
         assert kept.to_toml() == asked.to_toml()
@@ -132,7 +136,7 @@ def test_a_study_reads_back_without_the_file_of_its_scene_and_points_keep_their_
 )
 def test_a_faulty_study_says_what_is_wrong(change, said):
     with pytest.raises(Refused, match=r".") as refused:
-        Study.of({k: v for k, v in (GRID | change).items() if v is not None})
+        Study.from_table({k: v for k, v in (GRID | change).items() if v is not None})
     assert said in str(refused.value)
 
 
@@ -158,7 +162,7 @@ def test_the_studies_that_come_along_are_sound():
 
 
 def test_a_row_holds_the_run(tmp_path):
-    study = Study.of(GRID)
+    study = Study.from_table(GRID)
     row = job.row_of_point(study, 4, study.point(4))
     assert (row["status"], row["method"], row["index"]) == ("complete", "following-p2", 4)
     assert row["mass.mass"] == 2000.0
@@ -170,11 +174,11 @@ def test_a_row_holds_the_run(tmp_path):
 
 
 def test_whatever_happens_to_a_scene_is_a_row(monkeypatch):
-    refused = Study.of(GRID | {"vary": {"cable.EA": [1.0, 2.0]}})
+    refused = Study.from_table(GRID | {"vary": {"cable.EA": [1.0, 2.0]}})
     assert job.row_of_point(refused, 0, refused.point(0))["status"] == "refused"
     assert "cable.EA" in job.row_of_point(refused, 0, refused.point(0))["reason"]
     monkeypatch.setattr(job, "_run_row", lambda *given: 1 / 0)
-    failed = job.row_of_point(Study.of(GRID), 1, {})
+    failed = job.row_of_point(Study.from_table(GRID), 1, {})
     assert (failed["status"], failed["cause"]) == ("failed", "ZeroDivisionError")
 
 
@@ -185,7 +189,9 @@ def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp
     either = SimpleNamespace(finest=broken)
     found = SimpleNamespace(a=either, b=either, rows=rows, verdict=Verdict.DISAGREE)
     monkeypatch.setattr("validation.check", lambda *given, **how: found)
-    study = Study.of({k: x for k, x in GRID.items() if k not in ("method", "settings")} | {"job": "check", "tol": 1e-2})
+    study = Study.from_table(
+        {k: x for k, x in GRID.items() if k not in ("method", "settings")} | {"job": "check", "tol": 1e-2}
+    )
     row = job.row_of_point(study, 4, study.point(4))
     assert (row["status"], row["cause"], row["not_agreed"]) == ("incomplete", "Newton stalled", "tension")
     engine.write_rows(tmp_path, study, [row])
@@ -205,14 +211,16 @@ def test_the_page_of_planted_faults_counts_verdicts_by_fault(tmp_path, monkeypat
 
 
 def test_a_method_that_cannot_roll_is_a_row():
-    study = Study.of({"scene": "zipline", "method": "fixed-hermite", "vary": {"mass.mass": [80.0]}})
+    study = Study.from_table({"scene": "zipline", "method": "fixed-hermite", "vary": {"mass.mass": [80.0]}})
     row = job.row_of_point(study, 0, study.point(0))
     assert (row["status"], row["cause"]) == ("refused", "method")
 
 
 @pytest.mark.parametrize("asked", [{"job": "run"}, {"job": "advise"}])
 def test_rides_with_a_tolerance_and_no_method_are_run_by_one_that_can_ride(asked):
-    study = Study.of({"scene": "zipline", "tol": 0.2, "vary": {"mass.mass": [80.0], "drive.end.place": [60.0]}} | asked)
+    study = Study.from_table(
+        {"scene": "zipline", "tol": 0.2, "vary": {"mass.mass": [80.0], "drive.end.place": [60.0]}} | asked
+    )
     row = job.row_of_point(study, 0, study.point(0))
     assert (row["status"], row.get("cause")) == ("complete", None)
     assert row["path_error"] <= 0.2
@@ -225,7 +233,7 @@ def test_a_scene_that_hangs_is_cut_off(monkeypatch):
 
     monkeypatch.setattr(job, "_run_row", endless)
     monkeypatch.setattr(job, "FRESH", 0.0)
-    study = Study.of(GRID | {"seconds": 0.3})
+    study = Study.from_table(GRID | {"seconds": 0.3})
     row = job.row_of_point(study, 2, study.point(2))
     assert (row["status"], row["cause"]) == ("cut off", "time")
     assert 0.3 <= row["seconds"] < 30.0
@@ -247,7 +255,7 @@ def stand_in(study, number_unknowns):
 
 def wide(count, title=""):
     sample = {"count": count, "range": {"mu": [0.1, 1.0]}}
-    return Study.of({"scene": "level", "method": "fourier", "sample": sample, "title": title})
+    return Study.from_table({"scene": "level", "method": "fourier", "sample": sample, "title": title})
 
 
 @pytest.fixture(scope="module")
@@ -331,7 +339,7 @@ def test_scenes_of_a_worker_that_dies_are_tried_again_one_by_one_and_one_that_al
 
 @pytest.mark.slow  # the README's study in .ci/commands starts workers, too
 def test_a_cluster_of_its_own_and_the_page(tmp_path):
-    engine.sweep(Study.of(GRID), tmp_path, workers=1)
+    engine.sweep(Study.from_table(GRID), tmp_path, workers=1)
     (tmp_path / "study.toml").write_text(GRID_TOML, encoding="utf-8")
     first, maps, scenes = sections(tmp_path)
     assert "9 of 9 scenes" in first.summary

@@ -80,7 +80,7 @@ def test_a_run_that_breaks_where_the_cable_goes_slack_has_no_energy_after_it():
 
 def test_a_bar_that_is_too_small_is_seen():
     r = run_with_error_bars(LEVEL, "following-p2", elements=6, steps=200).finest
-    found = job.true_errors(LEVEL, r, 4)
+    found = job.errors_against_finer_run(LEVEL, r, 4)
     assert found["doubt"] < found["true_error"] / 3.0
     assert found["true_error"] <= r.path_error
     assert found["true_error"] > 1e-9  # and a run so sure of itself would be found out

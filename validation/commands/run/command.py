@@ -12,7 +12,7 @@ from validation.page import options, terminal
 
 if TYPE_CHECKING:
     from cablefem.response import Response
-    from validation.commands.run.study import Ride
+    from validation.commands.run.study import AnsweredRun
     from validation.core.methods import Method
 
 EXAMPLE = "cablefem run zipline --model quasi-static --set mass.mass=40,60,80"
@@ -63,13 +63,13 @@ def command(
 
     from validation.commands.run import study
 
-    def ride_at(point: options.GridPoint, progress: Callable[..., None]) -> "Ride":
+    def answer_at(point: options.GridPoint, progress: Callable[..., None]) -> "AnsweredRun":
         how = run_options | point.settings
-        return study.ride_with_design_numbers(point.scene, chosen, tol=tol, bars=bars, progress=progress, **how)
+        return study.run_with_design_numbers(point.scene, chosen, tol=tol, bars=bars, progress=progress, **how)
 
     if len(points) > 1:
-        return study.answer_grid(loaded, points, ride_at, out, require)
-    return _run_and_report(points[0], QUASI_STATIC if chosen is None else method, ride_at, out, require)
+        return study.answer_grid(loaded, points, answer_at, out, require)
+    return _run_and_report(points[0], QUASI_STATIC if chosen is None else method, answer_at, out, require)
 
 
 def _answer_and_report_lines(
@@ -89,7 +89,7 @@ def _answer_and_report_lines(
 
 
 def _run_and_report(
-    point: options.GridPoint, name: str, ride_at: "Callable[..., Ride]", out: Path | None, require_limits: bool
+    point: options.GridPoint, name: str, answer_at: "Callable[..., AnsweredRun]", out: Path | None, require_limits: bool
 ) -> int:  # fmt: skip
     """Run one scene, write, draw and print its answer, and read it back; return the exit code.
 
@@ -104,7 +104,7 @@ def _run_and_report(
     scene = point.scene
     folder = store.claim_folder(out, "run", point.scene, [name])
     with terminal.progress_bars() as progress:
-        r, missed_tolerance = ride_at(point, partial(progress, name))
+        r, missed_tolerance = answer_at(point, partial(progress, name))
         r.summary()  # bars are computed when they are looked at
     with do_in_background(partial(_write_animation, r, folder / name)) if name != QUASI_STATIC else nullcontext():
         r.write(folder / name)

@@ -25,14 +25,14 @@ from validation.page.answer import many as table
 from validation.page.options import GridPoint
 
 
-class Ride(NamedTuple):
+class AnsweredRun(NamedTuple):
     """A run with its design numbers, and why the tolerance is out of reach, else ""."""
 
     response: Response
     missed_tolerance: str = ""
 
 
-def ride_with_design_numbers(
+def run_with_design_numbers(
     scene: Scene,
     method: Method | None,
     *,
@@ -40,16 +40,16 @@ def ride_with_design_numbers(
     bars: bool,
     progress: Callable[..., None],
     **options: Any,
-) -> Ride:
+) -> AnsweredRun:
     """Run a method with the settings in `options`, or with those that its bar needs to meet `tol`.
 
-    Without a method: the quasi-static ride.
+    Without a method: by the quasi-static model.
     """
     if method is None:
-        return Ride(rechecked_quasi_static_ride(scene))
+        return AnsweredRun(rechecked_quasi_static_run(scene))
     if tol is None:
         r = run(scene, method, **options, progress=progress)
-        return Ride(_with_lazy_design_numbers(scene, r, method, bars, options))
+        return AnsweredRun(_with_lazy_design_numbers(scene, r, method, bars, options))
     missed = ""
     try:
         ladder = refine_to_tolerance(scene, method, tol, **options, progress=progress)
@@ -58,7 +58,7 @@ def ride_with_design_numbers(
     except TooCoarse as error:
         ladder = error.ladder
         missed = str(error)
-    return Ride(replace(ladder.finest, design=design_numbers(ladder), events=events_with_bars(ladder)), missed)
+    return AnsweredRun(replace(ladder.finest, design=design_numbers(ladder), events=events_with_bars(ladder)), missed)
 
 
 def _with_lazy_design_numbers(
@@ -78,7 +78,7 @@ def _with_lazy_design_numbers(
     )  # fmt: skip
 
 
-def rechecked_quasi_static_ride(scene: Scene) -> Response:
+def rechecked_quasi_static_run(scene: Scene) -> Response:
     """The quasi-static ride with design numbers and bars, and a flag for each that its second computation denies."""
     r = quasi_static(scene)
     r = with_inertia_error_bars(scene, replace(r, design=design_numbers(r)))
@@ -110,8 +110,8 @@ def run_with_bars(
     if refused := run_faults(scene, find_method(method), options, settings, tol):
         raise ValueError("\n".join(refused))
     how = {"frames": frames, "until": until, **options, **settings}
-    ride = ride_with_design_numbers(scene, find_method(method), tol=tol, bars=bars, progress=no_progress, **how)
-    return ride.response
+    answered = run_with_design_numbers(scene, find_method(method), tol=tol, bars=bars, progress=no_progress, **how)
+    return answered.response
 
 
 def run_faults(
@@ -140,7 +140,11 @@ def run_faults(
 
 
 def answer_grid(
-    scene: Scene, points: Sequence[GridPoint], ride_at: Callable[..., Ride], out: Path | None, require_limits: bool
+    scene: Scene,
+    points: Sequence[GridPoint],
+    answer_at: Callable[..., AnsweredRun],
+    out: Path | None,
+    require_limits: bool,
 ) -> int:
     """Answer every point of a grid and store its table; return the exit code.
 
@@ -148,7 +152,7 @@ def answer_grid(
     """
 
     def row_and_path(point: GridPoint) -> tuple[table.Row, Any]:
-        r = ride_at(point, no_progress).response
+        r = answer_at(point, no_progress).response
         return table.answer_table_row(point.scene, r), table.sparse_path_columns(r)
 
     rows = table.answer_and_store_grid("run", "grid", scene, points, out, row_and_path, table.run_table_columns)

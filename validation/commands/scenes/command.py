@@ -31,7 +31,7 @@ def command(
         return _print_scenes()
     from cablefem.response import write_text
 
-    texts = _scene_texts(name)
+    texts = _toml_by_scene_name(name)
     if out is None:
         print("".join(texts.values()), end="")
         return 0
@@ -41,7 +41,7 @@ def command(
     return 0
 
 
-def _scene_texts(name: str | None) -> dict[str, str]:
+def _toml_by_scene_name(name: str | None) -> dict[str, str]:
     """The TOML of a scene by its name; of all built-in ones for None."""
     from cablefem.scene import Scene
     from cablefem.scene.described import BUILT_IN
@@ -64,7 +64,7 @@ def _print_scenes() -> int:
     for key, title in Line.library().items():
         line = Line.load(key)
         masses = ", ".join(f"{car.mass:.0f} kg" for car in line.car)
-        rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, _line_speed_text(line), title])
+        rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, _line_top_speed_text(line), title])
     terminal.print_table(["scene", "span", "mass", "top speed", "title"], rows, right=["span", "mass", "top speed"])
     return 0
 
@@ -76,7 +76,7 @@ def _top_speed_text(scene: "Scene") -> str:
     return f"{scene.top_speed:.3g} m/s"
 
 
-def _line_speed_text(line: "Line") -> str:
+def _line_top_speed_text(line: "Line") -> str:
     """The largest speed of timetables; of a line at rest, and of free cars alone, words."""
     if not line.moves:
         return "at rest"

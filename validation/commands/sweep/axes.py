@@ -70,14 +70,14 @@ Axis = Choices | Range
 
 
 def _parse_axes(kind: type[Range], data: Any) -> dict[str, Axis]:
-    """Axes of a table; each is a list, a table with choices, or a range of that kind."""
+    """Axes of a table; each is a list, a table with choices, or a range of that kind; SceneError with all faults."""
     if not (isinstance(data, dict) and data):
         raise ValueError("must be a table of at least one axis")
     axes: dict[str, Axis] = {}
     faults = []
     for name, axis in data.items():
         try:
-            axes[name] = _axis(kind, axis)
+            axes[name] = _parse_axis(kind, axis)
         except SceneError as error:
             faults += [f"{name}.{fault}" for fault in error.faults]
         except TypeError:
@@ -87,18 +87,17 @@ def _parse_axes(kind: type[Range], data: Any) -> dict[str, Axis]:
     return axes
 
 
-def _axis(kind: type[Range], axis: Any) -> Axis:
+def _parse_axis(kind: type[Range], data: Any) -> Axis:
     """One axis; TypeError for what is none."""
-    match axis:
+    match data:
         case Choices() | Range():
-            return axis
+            return data
         case [low, high] if kind is Range:
             return kind(**{"from": low, "to": high})
         case [_, *_] if kind is Steps:
-            return Choices(choices=axis)
-    return Choices(**axis) if "choices" in axis else kind(**axis)
+            return Choices(choices=data)
+    return Choices(**data) if "choices" in data else kind(**data)
 
 
-# of [vary], of [sample.range]
-grid = partial(_parse_axes, Steps)
-ranges = partial(_parse_axes, Range)
+parse_grid_axes = partial(_parse_axes, Steps)  # of [vary]
+parse_sample_axes = partial(_parse_axes, Range)  # of [sample.range]

@@ -72,10 +72,11 @@ def _print_keys() -> int:
     return 0
 
 
-def _print_scene(study: Study, scene: int) -> None:
-    point = study.point(scene)
+def _print_scene(study: Study, index: int) -> None:
+    """Print the TOML of a scene of a study, after a line with its job and options."""
+    point = study.point(index)
     how = " ".join(f"{key}={value}" for key, value in study.run_options(point).items())
-    print(f"# scene {scene} of {study.name}: {study.job} {how}")
+    print(f"# scene {index} of {study.name}: {study.job} {how}")
     print(study.scene_at(point).to_toml(), end="")
 
 

@@ -69,7 +69,7 @@ def sweep(
     sweep("riders.toml", Path("riders"))
     """
     with _lock_folder(store.claim_folder(out, "sweep", study.name, WRITES)):
-        _store_study(study, out)
+        _store_or_refuse_study(study, out)
         before = finished_indices(out)
         todo = deque(i for i in range(len(study)) if i not in before)
         tally = Tally(len(study), len(before))
@@ -94,50 +94,69 @@ def sweep(
 def _compute_rows(
     client: Any, study: Study, todo: deque[int], work: Work, raise_if_interrupted: Callable[[], None]
 ) -> Iterator[list[Row]]:
-    """Yield the rows of all scenes, chunk by chunk.
+    """Yield the rows of all scenes, chunk by chunk; none for a chunk whose worker died."""
+    from distributed import wait
+
+    chunks = _Chunks(client, study, todo, work, capacity=max(1, sum(client.nthreads().values())))
+    chunks.submit()
+    while chunks.running:
+        raise_if_interrupted()
+        try:
+            ended = wait(list(chunks.running), timeout=0.2, return_when="FIRST_COMPLETED").done
+        except TimeoutError:
+            continue
+        for future in ended:
+            rows = chunks.take_rows(future)
+            chunks.submit()
+            yield rows
+
+
+@dataclass(slots=True)
+class _Chunks:
+    """Scenes to do, and chunks of them that workers compute.
 
     Dask retries a chunk once if its worker died; then each of its scenes is a chunk.
     No chunk waits at a worker: it would die with it.
     """
-    from distributed import wait
 
-    capacity = max(1, sum(client.nthreads().values()))
-    size = 1
-    running = dict[Any, list[int]]()
-    suspects: deque[int] = deque()
+    client: Any
+    study: Study
+    todo: deque[int]
+    work: Work
+    capacity: int  # chunks that run at once
+    size: int = 1
+    running: dict[Any, list[int]] = field(default_factory=dict)  # scenes by future
+    suspects: deque[int] = field(default_factory=deque)  # one of them may end its worker
 
-    def submit_chunks() -> None:
-        while (suspects or todo) and len(running) < capacity:
-            share = max(1, len(todo) // (2 * capacity))  # smaller at the end: all workers end together
-            chunk = [suspects.popleft()] if suspects else [todo.popleft() for _ in range(min(size, share))]
-            future = client.submit(work, study, [(i, study.point(i)) for i in chunk], pure=False)
-            running[future] = chunk
-
-    submit_chunks()
-    seconds = 1.0  # of work in a chunk; its transfer and file cost about 10 ms
-    while running:
-        raise_if_interrupted()
-        try:
-            ended = wait(list(running), timeout=0.2, return_when="FIRST_COMPLETED").done
-        except TimeoutError:
-            continue
-        for future in ended:
-            chunk = running.pop(future)
-            rows = list[Row]()
-            if future.status == "finished":
-                rows = future.result()
-                size = min(_chunk_size(seconds, rows), 4 * max(size, len(rows)))
-            elif len(chunk) == 1:
-                rows = [job.row_of_lost_scene(study, chunk[0], type(future.exception()).__name__)]
+    def submit(self) -> None:
+        """Submit chunks until every worker has one."""
+        while (self.suspects or self.todo) and len(self.running) < self.capacity:
+            share = max(1, len(self.todo) // (2 * self.capacity))  # smaller at the end: all workers end together
+            if self.suspects:
+                chunk = [self.suspects.popleft()]
             else:
-                suspects.extend(chunk)
-            future.release()
-            submit_chunks()
-            yield rows
+                chunk = [self.todo.popleft() for _ in range(min(self.size, share))]
+            numbered = [(i, self.study.point(i)) for i in chunk]
+            self.running[self.client.submit(self.work, self.study, numbered, pure=False)] = chunk
+
+    def take_rows(self, future: Any) -> list[Row]:
+        """The rows of a chunk that ended, and the size of the next ones; none where its worker died with several."""
+        chunk = self.running.pop(future)
+        rows = list[Row]()
+        if future.status == "finished":
+            rows = future.result()
+            seconds = 1.0  # of work in a chunk; its transfer and file cost about 10 ms
+            self.size = min(_chunk_size(seconds, rows), 4 * max(self.size, len(rows)))
+        elif len(chunk) == 1:
+            rows = [job.row_of_lost_scene(self.study, chunk[0], type(future.exception()).__name__)]
+        else:
+            self.suspects.extend(chunk)
+        future.release()
+        return rows
 
 
 def _chunk_size(seconds: float, rows: list[Row]) -> int:
-    """How many scenes take `seconds`, from 1 to LARGEST."""
+    """How many scenes take `seconds`, from 1 to LARGEST, judged by rows that have their time."""
     took = sum(row.get("seconds") or 0.0 for row in rows)
     return int(np.clip(seconds * len(rows) / max(took, 1e-9), 1, LARGEST))
 
@@ -147,12 +166,13 @@ def write_rows(out: Path, study: Study, rows: list[Row]) -> None:
     import pyarrow
     from pyarrow import parquet
 
-    table = pyarrow.Table.from_pylist(rows, _rows_schema(study))
+    table = pyarrow.Table.from_pylist(rows, _parquet_schema(study))
     with atomic_write(out / "rows" / f"{rows[0]['index']:08d}-{len(rows)}.parquet") as temporary:
         parquet.write_table(table, temporary)
 
 
-def _rows_schema(study: Study) -> Any:
+def _parquet_schema(study: Study) -> Any:
+    """The pyarrow.Schema of rows: index, values of the axes, results."""
     import pyarrow as pa
 
     inputs = {name: pa.float64() if axis.numeric else pa.string() for name, axis in study.axes.items()}
@@ -186,16 +206,16 @@ def _lock_folder(out: Path) -> Iterator[None]:
         yield
 
 
-def _store_study(study: Study, out: Path) -> None:
+def _store_or_refuse_study(study: Study, out: Path) -> None:
     """Store the study beside its rows; raise Refused where another one is stored."""
     file = out / "study.toml"
-    if file.is_file() and _entries_of_rows(Study.load(file)) != _entries_of_rows(study):
+    if file.is_file() and _entries_that_change_rows(Study.load(file)) != _entries_that_change_rows(study):
         raise Refused(f"{out} holds rows of another study; nothing was written; choose another folder with --out")
     (out / "rows").mkdir(exist_ok=True)
     write_text(file, study.to_toml())
 
 
-def _entries_of_rows(study: Study) -> dict[str, Any]:
+def _entries_that_change_rows(study: Study) -> dict[str, Any]:
     """The entries of a study that change its rows."""
     return study.model_dump(exclude={"title", "seconds"}, serialize_as_any=True)
 

@@ -20,11 +20,12 @@ Draw = Callable[[float, float], float]
 Tables = dict[str, Any]
 
 
-def _wave_speed(x: Tables) -> float:
-    return math.sqrt(x["cable"]["horizontal_tension"] / x["cable"]["mass_per_length"])
+def _transverse_wave_speed(tables: Tables) -> float:
+    cable = tables["cable"]
+    return math.sqrt(cable["horizontal_tension"] / cable["mass_per_length"])
 
 
-def _locked_rope_tables(draw: Draw) -> Tables:
+def _ropeway_tables(draw: Draw) -> Tables:
     """Cable, supports and mass of a ropeway.
 
     A full locked rope: 0.87 of its circle is metal, 8450 kg/m^3 with filling, 160 GPa.
@@ -40,8 +41,8 @@ def _locked_rope_tables(draw: Draw) -> Tables:
 
 def gripped_car(draw: Draw) -> Scene:
     """A car that grips a locked rope, at 0.1 to 0.5 of the wave speed."""
-    x = _locked_rope_tables(draw)
-    speed = draw(0.1, 0.5) * _wave_speed(x)
+    x = _ropeway_tables(draw)
+    speed = draw(0.1, 0.5) * _transverse_wave_speed(x)
     travel = {"kind": "constant_speed", "speed": speed}
     if draw(0.0, 1.0) > 0.5:
         travel = {"kind": "accelerate_cruise_brake", "top_speed": speed}
@@ -50,7 +51,7 @@ def gripped_car(draw: Draw) -> Scene:
 
 def hauled_car(draw: Draw) -> Scene:
     """A car that rolls on a locked rope and is hauled at 4 to 12 m/s."""
-    x = _locked_rope_tables(draw)
+    x = _ropeway_tables(draw)
     travel = {"kind": "accelerate_cruise_brake", "top_speed": draw(4.0, 12.0)}
     x |= {"travel": travel, "drive": {"mode": "haul", "rolling_friction": draw(0.0, 0.02)}}
     return Scene(**x, name="hauled")
@@ -88,13 +89,13 @@ def rider_on_fibre_rope(draw: Draw) -> Scene:
 
 def car_on_slack_rope(draw: Draw) -> Scene:
     """A car that grips a slack locked rope, at 0.05 to 0.2 of the wave speed."""
-    x = _locked_rope_tables(draw)
+    x = _ropeway_tables(draw)
     span = x["supports"]["span"]
     sag = span * draw(0.06, 0.15)
     H = 9.81 * x["cable"]["mass_per_length"] * span**2 / (8.0 * sag)
     x["cable"]["horizontal_tension"] = H
     x["mass"] = {"mass": H * draw(0.05, 0.3) / 9.81}
-    x["travel"] = {"kind": "constant_speed", "speed": draw(0.05, 0.2) * _wave_speed(x)}
+    x["travel"] = {"kind": "constant_speed", "speed": draw(0.05, 0.2) * _transverse_wave_speed(x)}
     del x["cable"]["horizontal_tension"]
     x["cable"]["sag"] = sag
     return Scene(**x, name="slack")
@@ -102,7 +103,7 @@ def car_on_slack_rope(draw: Draw) -> Scene:
 
 def hauled_car_on_steep_rope(draw: Draw) -> Scene:
     """A car that is hauled up or down 45 to 60 degrees."""
-    x = _locked_rope_tables(draw)
+    x = _ropeway_tables(draw)
     x["supports"]["drop"] = math.copysign(draw(1.0, 1.7), draw(-1.0, 1.0)) * x["supports"]["span"]
     x["travel"] = {"kind": "accelerate_cruise_brake", "top_speed": draw(3.0, 8.0)}
     x["drive"] = {"mode": "haul", "rolling_friction": draw(0.0, 0.05), "drag_area": draw(0.0, 15.0)}
@@ -111,16 +112,16 @@ def hauled_car_on_steep_rope(draw: Draw) -> Scene:
 
 def car_on_iced_rope(draw: Draw) -> Scene:
     """A car that grips a damped locked rope with up to a third of its weight in ice."""
-    x = _locked_rope_tables(draw)
+    x = _ropeway_tables(draw)
     x["cable"] |= {"ice": draw(0.02, 0.3) * x["cable"]["mass_per_length"], "damping": draw(0.002, 0.05)}
-    speed = draw(0.1, 0.4) * _wave_speed(x)
+    speed = draw(0.1, 0.4) * _transverse_wave_speed(x)
     x["travel"] = {"kind": "accelerate_cruise_brake", "top_speed": speed}
     return Scene(**x, name="iced")
 
 
 def hauled_car_stopping(draw: Draw) -> Scene:
     """A hauled car that makes an emergency stop of 0.5 to 2 m/s2 at 0.2 to 0.7 of the distance."""
-    x = _locked_rope_tables(draw)
+    x = _ropeway_tables(draw)
     speed = draw(4.0, 12.0)
     distance = math.hypot(x["supports"]["span"], x["supports"]["drop"])
     stop = {"time": draw(0.2, 0.7) * distance / speed, "deceleration": draw(0.5, 2.0)}
@@ -138,12 +139,12 @@ def rider_against_wind(draw: Draw) -> Scene:
     return Scene.from_toml(tomli_w.dumps(x | {"name": "windy"}))
 
 
-def line_of_spans(draw: Draw) -> Line:
+def line_over_saddles(draw: Draw) -> Line:
     """A locked rope over one or two saddles with a car in the first span, and at times another in the last one.
 
     Cars grip or are hauled.  One end is an anchor, the other too or a counterweight.
     """
-    x = _locked_rope_tables(draw)
+    x = _ropeway_tables(draw)
     cable, T = x["cable"], x["cable"].pop("horizontal_tension")
     at = [[0.0, 0.0]]
     slope = draw(-0.35, 0.25)
@@ -163,33 +164,38 @@ def line_of_spans(draw: Draw) -> Line:
     chords = [0.0]
     for (a, b), (c, d) in itertools.pairwise(at):
         chords.append(chords[-1] + math.hypot(c - a, d - b))
-    cars = [_car_table(draw, "first", T, *[(at[i][0], chords[i]) for i in (0, 1)])]
+    cars = [_random_car_table(draw, "first", T, *[(at[i][0], chords[i]) for i in (0, 1)])]
     if draw(0.0, 1.0) < 0.5:
-        cars.append(_car_table(draw, "second", T, *[(at[i][0], chords[i]) for i in (-2, -1)]))
+        cars.append(_random_car_table(draw, "second", T, *[(at[i][0], chords[i]) for i in (-2, -1)]))
     tables: Tables = {"cable": cable, "contact": contacts, "car": cars}
     return Line(name="spans", **tables)
 
 
-def _car_table(draw: Draw, name: str, T: float, begin: tuple[float, float], end: tuple[float, float]) -> Tables:
-    """A car that goes 0.3 to 0.6 of the way between two contacts, each x and length of the chords up to there."""
+def _random_car_table(
+    draw: Draw, name: str, rope_tension: float, left: tuple[float, float], right: tuple[float, float]
+) -> Tables:
+    """A car that goes 0.3 to 0.6 of the way between two contacts, either way.
+
+    left, right : x of a contact, and length of the chords up to there.
+    """
     hauled = draw(0.0, 1.0) < 0.5
-    low, high = (place[0 if hauled else 1] for place in (begin, end))
-    places = [low + share * (high - low) for share in (draw(0.15, 0.35), draw(0.65, 0.85))]
-    first, last = places if draw(0.0, 1.0) < 0.5 else places[::-1]
+    low, high = (contact[0 if hauled else 1] for contact in (left, right))
+    positions = [low + share * (high - low) for share in (draw(0.15, 0.35), draw(0.65, 0.85))]
+    first, last = positions if draw(0.0, 1.0) < 0.5 else positions[::-1]
     acceleration = draw(0.3, 0.8)
     reached = math.sqrt(0.9 * acceleration * abs(last - first))
     travel = {"kind": "trapezoid", "top_speed": min(draw(3.0, 8.0), reached), "from": first, "to": last}
     travel |= {"acceleration": acceleration, "deceleration": acceleration}
-    car: Tables = {"name": name, "mass": T * draw(0.02, 0.1) / 9.81, "travel": travel}
+    car: Tables = {"name": name, "mass": rope_tension * draw(0.02, 0.1) / 9.81, "travel": travel}
     return car | ({"drive": {"mode": "haul", "rolling_friction": draw(0.0, 0.02)}} if hauled else {})
 
 
-def line_and_fault_key(seed: int, number: int) -> tuple[Line, str | None]:
+def line_and_fault_key(seed: int, case_number: int) -> tuple[Line, str | None]:
     """A case of lines in motion, as `scene_and_fault_key`."""
-    index = number if number < SOUND else number - SOUND
+    index = case_number if case_number < SOUND else case_number - SOUND
     rng = np.random.default_rng([seed, index])
-    line = line_of_spans(lambda low, high: float(rng.uniform(low, high)))
-    if number < SOUND:
+    line = line_over_saddles(lambda low, high: float(rng.uniform(low, high)))
+    if case_number < SOUND:
         return line, None
     weights = [f"contact.{c.name}.tension" for c in line.contact if c.kind == "counterweight"]
     keys = ["car.first.mass", "cable.EA", "cable.mass_per_length", "car.first.travel.top_speed"]
@@ -214,7 +220,7 @@ SETS = {
 
 
 def realistic_scene(seed: int, index: int, families: tuple[Family, ...] = FAMILIES) -> Scene:
-    """A scene of the families in turn."""
+    """A random scene of the families in turn."""
     rng = np.random.default_rng([seed, index])
     return families[index % len(families)](lambda low, high: float(rng.uniform(low, high)))
 
@@ -223,23 +229,24 @@ SOUND = 60  # cases without a fault
 FAULTS = ("mass.mass", "cable.EA", "cable.mass_per_length")  # and the speed of a travel
 
 
-def scene_and_fault_key(seed: int, number: int, of: str = "ropeway") -> tuple[Scene | Line, str | None]:
+def scene_and_fault_key(seed: int, case_number: int, families_name: str = "ropeway") -> tuple[Scene | Line, str | None]:
     """The scene of a case of the study `power`, and the key that is 1 percent larger in the second solver.
 
-    of : a key of SETS, or "lines" in motion; "wide" has faults in friction, drag, brake and drop, too.
+    The first SOUND cases have no fault: None.
+    families_name : a key of SETS, or "lines" in motion; "wide" has faults in friction, drag, brake and drop, too.
     """
-    if of == "lines":
-        return line_and_fault_key(seed, number)
-    families = SETS[of]
-    if number < SOUND:
-        return realistic_scene(seed, number, families), None
-    index = number - SOUND
+    if families_name == "lines":
+        return line_and_fault_key(seed, case_number)
+    families = SETS[families_name]
+    if case_number < SOUND:
+        return realistic_scene(seed, case_number, families), None
+    index = case_number - SOUND
     scene = realistic_scene(seed, index, families)
     drive = scene.drive
     keys = list(FAULTS)
     if drive.mode != "free":
         keys.append("travel.top_speed" if "top_speed" in scene.to_toml() else "travel.speed")
-    if of == "wide":
+    if families_name == "wide":
         more: Tables = {"drive.rolling_friction": drive.rolling_friction, "drive.drag_area": drive.drag_area}
         more |= {"drive.brake.0.force": drive.brake, "supports.drop": scene.supports.drop}
         keys += [key for key, value in more.items() if value]

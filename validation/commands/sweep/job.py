@@ -56,17 +56,17 @@ def time_limit(seconds: float) -> Iterator[None]:
             timer.cancel()
 
 
-def rows_of_points(study: Study, numbered: list[tuple[int, dict[str, Any]]]) -> list[dict[str, Any]]:
-    return [row_of_point(study, index, point) for index, point in numbered]
+def rows_of_points(study: Study, numbered_points: list[tuple[int, dict[str, Any]]]) -> list[dict[str, Any]]:
+    return [row_of_point(study, index, point) for index, point in numbered_points]
 
 
 def row_of_point(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
-    """The row of one point: index, inputs, groups, status and the results of the job."""
+    """The row of one point: index, inputs, groups, status and the results of the job, within the study's time."""
     begin = time.perf_counter()
     out: dict[str, Any] = {"index": index, **point}
     try:
         with time_limit(study.seconds + max(0.0, FRESH - time.process_time())):
-            out |= _check_or_run(study, point, index)
+            out |= _results_of_job(study, point, index)
     except CutOff:
         out |= {"status": "cut off", "cause": "time", "reason": f"more than {study.seconds:g} s"}
     except Exception as error:
@@ -81,7 +81,8 @@ def row_of_lost_scene(study: Study, index: int, cause: str) -> dict[str, Any]:
     return {"index": index, **study.point(index), "status": "died", "cause": cause, "reason": reason}
 
 
-def _check_or_run(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
+def _results_of_job(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
+    """Run, check, advise or test the judge on the scene of a point; "refused" for a scene with faults."""
     from cablefem.scene import SceneError
 
     try:
@@ -98,10 +99,10 @@ def _check_or_run(study: Study, point: dict[str, Any], index: int) -> dict[str, 
             return out | _check_row(scene, how["tol"], None)
         case "advise":
             return out | _advice_row(scene, how["tol"])
-    return out | _planted_fault_row(scene, study.scene_and_fault_key(point)[1], how["tol"])
+    return out | _check_row_with_planted_fault(scene, study.scene_and_fault_key(point)[1], how["tol"])
 
 
-def _planted_fault_row(scene: Any, key: str | None, tol: float) -> dict[str, Any]:
+def _check_row_with_planted_fault(scene: Any, key: str | None, tol: float) -> dict[str, Any]:
     """The row of a check whose second solver is told a fault of 1 % in a key; None: no fault."""
     from cablefem.scene.line import Line
 
@@ -111,12 +112,14 @@ def _planted_fault_row(scene: Any, key: str | None, tol: float) -> dict[str, Any
     return {"family": scene.name, "fault": fault} | judged(scene, tol, second)
 
 
-def _run_row(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
+def _run_row(study: Study, run_options: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
+    """Results of a run with error bars, by the advised method if none is named; of some scenes also true errors."""
     from validation.core.design import design_numbers
     from validation.core.methods import find_method
     from validation.core.refine import TooCoarse, refine_to_tolerance, run_with_error_bars
     from validation.core.running import Run
 
+    how = dict(run_options)
     tol = how.pop("tol", None)
     if "method" not in how:
         how |= _advised_settings(scene, tol)
@@ -127,7 +130,7 @@ def _run_row(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[
         Run(scene, method, **how)
     except ValueError as error:  # a method that cannot do what the scene asks for
         return {"status": "refused", "cause": "method", "reason": str(error)}
-    how["until"] = _last_position(scene)
+    how["until"] = _stop_position(scene)
     try:
         if tol is None:
             ladder = run_with_error_bars(scene, method, **how)
@@ -137,23 +140,23 @@ def _run_row(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[
         ladder = error.ladder
         too_coarse = {"verdict": "too coarse", "reason": str(error)}
     r = replace(ladder.finest, design=design_numbers(ladder))
-    out = _response_numbers(r, scene) | too_coarse
+    out = _response_columns(r, scene) | too_coarse
     faults = response_faults(r)
     if faults:
         return out | {"status": "failed", "cause": "not finite", "reason": "; ".join(faults)}
     if study.truth is None or index % study.truth.every:
         return out
-    return out | true_errors(scene, r, study.truth.finer)
+    return out | errors_against_finer_run(scene, r, study.truth.finer)
 
 
-def _last_position(scene: Any) -> float | None:
+def _stop_position(scene: Any) -> float | None:
     """s_o/l at which runs end: rows say nothing of the slack cable; None: the end of the motion."""
     from validation.core.measures import SLACK_END
 
     return SLACK_END if scene.drive.mode == "grip" else None
 
 
-def true_errors(scene: Any, r: Any, finer: int) -> dict[str, Any]:
+def errors_against_finer_run(scene: Any, r: Any, finer: int) -> dict[str, Any]:
     """Errors of a run, and of one half as fine as the reference, over the range of the run's bar.
 
     The reference, by following-p2, is `finer` times as fine as the run; {} if that exceeds LARGEST_TRUTH.
@@ -204,20 +207,22 @@ def _advised_settings(scene: Any, tol: float) -> dict[str, Any]:
 
 
 def _check_row(scene: Any, tol: float, second: Any) -> dict[str, Any]:
+    """Verdict, what does not agree, and numbers of the better solver; second : a scene for the second one, or None."""
     from validation import check
 
     def path_error(ladder: Any) -> float:
         return math.inf if ladder.finest.path_error is None else float(ladder.finest.path_error)
 
-    result = check(scene, tol=tol, until=_last_position(scene), second=second)
+    result = check(scene, tol=tol, until=_stop_position(scene), second=second)
     best = min((result.a, result.b), key=path_error)
-    return _response_numbers(best.finest, scene) | {
+    return _response_columns(best.finest, scene) | {
         "verdict": result.verdict.value,
         "not_agreed": _quantities_not_agreed(result),
     }
 
 
 def _line_check_row(line: Any, tol: float, second: Any) -> dict[str, Any]:
+    """Verdict and what does not agree on a line in motion; second : a line for the second solver, or None."""
     from validation.commands.check.motion import check_line
 
     result: Any = check_line(line, tol, second=second)
@@ -241,7 +246,7 @@ def _advice_row(scene: Any, tol: float) -> dict[str, Any]:
     return out | {"status": "complete", "settings": json.dumps(advised["settings"]), "verdict": verdict}
 
 
-def _response_numbers(r: Any, scene: Any) -> dict[str, Any]:
+def _response_columns(r: Any, scene: Any) -> dict[str, Any]:
     """What a row holds of a response."""
     from validation.core import limits
     from validation.core.answers import outcome_of_run

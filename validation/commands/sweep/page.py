@@ -34,7 +34,7 @@ def sections(folder: Path) -> list[Section]:
     study = Study.load(file)
     rows = read_rows(folder)
     complete = rows["status"] == "complete"
-    thin = _thin_rows(rows)
+    thin = _thinned_rows(rows)
     data = json.dumps(_explorer_data(study, file, thin)).replace("<", "\\u003c")
     script = Markup((resources.files(__package__) / "explorer.js").read_text(encoding="utf-8"))
     return render_sections(
@@ -84,9 +84,9 @@ def _draw_maps(study: Study, rows: Any) -> Iterator[Markup]:
     logs = _logarithmic_axes(study)
     ended = rows[rows["outcome_kind"].notna()]
     if len(ended):
-        yield _draw_outcomes(_thin_rows(ended), axes, logs)
+        yield _draw_outcomes(_thinned_rows(ended), axes, logs)
     for quantity in MAPS:
-        computed = _thin_rows(rows[rows[quantity].notna()])
+        computed = _thinned_rows(rows[rows[quantity].notna()])
         if len(computed) > 2:
             yield _draw_map(computed, quantity, axes, logs)
 
@@ -100,7 +100,7 @@ def _draw_dots(ax: Any, rows: Any, x: str, y: str, logs: set[str], **looks: Any)
     dots = ax.scatter(rows[x], rows[y], s=14, linewidths=0, **looks)
     dots.set_urls([f"#scene-{i}" for i in rows.index])
     scale_x, scale_y = ("log" if name in logs else "linear" for name in (x, y))
-    ax.set(xlabel=_with_unit(x), xscale=scale_x, yscale=scale_y)
+    ax.set(xlabel=_label_with_unit(x), xscale=scale_x, yscale=scale_y)
     return dots
 
 
@@ -115,7 +115,7 @@ def _draw_outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
         marker = "o" if i < len(COLORS) else "s"
         label = ENDS.get(kind, kind)
         _draw_dots(ax, part, x, y, logs, color=COLORS[i % len(COLORS)], marker=marker, label=label)
-    ax.set_ylabel(_with_unit(y))
+    ax.set_ylabel(_label_with_unit(y))
     ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return captioned_figure(fig, f"What becomes of the car over {x} and {y}")
 
@@ -127,8 +127,8 @@ def _unit_by_name() -> dict[str, str]:
     return {key.name: key.unit for key in list_keys(Scene)} | {name: unit for name, (unit, _) in groups.items()}
 
 
-def _with_unit(name: str) -> str:
-    """A column with its unit, for an axis or the head of a table."""
+def _label_with_unit(name: str) -> str:
+    """Name of a column with its unit, for an axis or the head of a table."""
     if name == "seconds":
         unit: str | None = "s"
     elif name.partition(":")[0] in KNOWN:
@@ -140,8 +140,9 @@ def _with_unit(name: str) -> str:
     return f"{name} [–]" if unit in ("", "-") else f"{name} [{unit}]"
 
 
-def _thin_rows(rows: Any) -> Any:
-    most = 4000  # the most rows in the page and dots in a map, evenly taken
+def _thinned_rows(rows: Any) -> Any:
+    """Every n-th row, so that at most 4000 are in the page or dots in a map."""
+    most = 4000
     return rows.iloc[:: max(1, -(-len(rows) // most))]
 
 
@@ -163,7 +164,7 @@ def _draw_map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Mark
         slack = part[part["slack_onset"].notna()]
         ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
         ax.set_title(title, fontsize=8)
-    grid[0][0].set_ylabel(name if y == quantity else _with_unit(y))
+    grid[0][0].set_ylabel(name if y == quantity else _label_with_unit(y))
     # longer names would be cut off
     fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(name, 24))
     words = quantity_words(quantity)
@@ -186,14 +187,14 @@ def _explorer_data(study: Study, file: Path, rows: Any) -> dict[str, Any]:
     names = [*study.axes, *DESIGN, "max_deflection", "path_error", "seconds", "status", "verdict", "method"]
     logs = _logarithmic_axes(study)
     columns = [
-        {"name": _with_unit(name), "log": name in logs, "values": [_plain_value(x) for x in rows[name].tolist()]}
+        {"name": _label_with_unit(name), "log": name in logs, "values": [_json_value(x) for x in rows[name].tolist()]}
         for name in dict.fromkeys(names)
         if rows[name].notna().any()
     ]
     return {"study": str(file), "index": rows.index.tolist(), "columns": columns}
 
 
-def _plain_value(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     """A word as it is, a number to five digits, None for nan."""
     if isinstance(value, str):
         return value

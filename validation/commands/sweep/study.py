@@ -19,7 +19,7 @@ from cablefem.scene.errors import did_you_mean, short_text
 from cablefem.scene.fields import OneLine, Part, integer_between, number_between
 from cablefem.scene.line import Line
 from validation.commands.sweep import families
-from validation.commands.sweep.axes import MAX_POINTS, Axis, grid, ranges
+from validation.commands.sweep.axes import MAX_POINTS, Axis, parse_grid_axes, parse_sample_axes
 from validation.core.methods import METHODS, methods_of_other_packages
 from validation.core.store import Refused
 
@@ -28,7 +28,7 @@ FREE = ("slope", "travel", "span", "rho", "gravity")  # besides them, of `Scene.
 RUN_OPTIONS = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
 
 
-def _known_method(method: str) -> str:
+def _require_known_method(method: str) -> str:
     """The name of a method that there is."""
     names = [*METHODS, *methods_of_other_packages()]
     if method not in names:
@@ -42,7 +42,7 @@ class Sample(Part):
     kind: Literal["sobol", "latin_hypercube", "random"] = "sobol"
     count: Annotated[int, integer_between(1, MAX_POINTS)]
     seed: Annotated[int, integer_between(0, 2**32 - 1)] = 0
-    range: Annotated[dict[str, Axis], PlainValidator(ranges)]
+    range: Annotated[dict[str, Axis], PlainValidator(parse_sample_axes)]
 
 
 class Truth(Part):
@@ -58,11 +58,11 @@ class Study(Part):
     title: OneLine = ""
     scene: Scene | None = None  # None: every scene is made from its groups
     job: Literal["run", "check", "advise", "power"] = "run"
-    method: Annotated[str, AfterValidator(_known_method)] | None = None  # None: the cheapest that will do
+    method: Annotated[str, AfterValidator(_require_known_method)] | None = None  # None: the cheapest that will do
     settings: dict[str, Any] = Field(default_factory=dict)  # of the method; of job power `families.scene_and_fault_key`
     tol: Annotated[float, number_between(1e-6, 0.2)] | None = None
     seconds: Annotated[float, number_between(0.1, 86_400.0)] = 120.0  # a scene may take
-    vary: Annotated[dict[str, Axis], PlainValidator(grid)] | None = None  # the full grid of all axes
+    vary: Annotated[dict[str, Axis], PlainValidator(parse_grid_axes)] | None = None  # the full grid of all axes
     sample: Sample | None = None
     truth: Truth | None = None
     _name: str = PrivateAttr("study")
@@ -72,7 +72,7 @@ class Study(Part):
         """A built-in study, or that in a TOML file; Refused with one line per fault."""
         path = built_in_studies().get(str(name_or_path), Path(name_or_path))
         try:
-            return cls.of(tomllib.loads(path.read_text(encoding="utf-8-sig")), path.stem, path.parent)
+            return cls.from_table(tomllib.loads(path.read_text(encoding="utf-8-sig")), path.stem, path.parent)
         except tomllib.TOMLDecodeError as error:
             raise Refused(f"{name_or_path}: not valid TOML: {error}") from None
         except (OSError, UnicodeDecodeError):
@@ -81,7 +81,7 @@ class Study(Part):
             raise Refused(fault) from None
 
     @classmethod
-    def of(cls, data: dict[str, Any], name: str = "study", folder: Path = Path()) -> Study:
+    def from_table(cls, data: dict[str, Any], name: str = "study", folder: Path = Path()) -> Study:
         """The study in a TOML table; its scene is a name, a table, or a file that is looked for beside it."""
         try:
             scene = data.get("scene")
@@ -158,7 +158,7 @@ class Study(Part):
         if not 0 <= index < len(self):
             raise Refused(f"scene {index}: {self.name} has the scenes 0 to {len(self) - 1}")
         if self.sample is not None:
-            shares = _design_points(self.sample.kind, self.sample.count, self.sample.seed, len(self.axes))[index]
+            shares = _unit_cube_samples(self.sample.kind, self.sample.count, self.sample.seed, len(self.axes))[index]
             return {
                 name: axis.value_at_share(share) for (name, axis), share in zip(self.axes.items(), shares, strict=True)
             }
@@ -173,12 +173,12 @@ class Study(Part):
         groups = {k: v for k, v in point.items() if "." not in k and k not in RUN_OPTIONS}
         scene = Scene.from_groups(**groups) if self.scene is None else self.scene
         if "drive.mode" in dotted:
-            scene, dotted = _with_drive_mode(scene, dotted)
+            scene, dotted = _in_changed_drive_mode(scene, dotted)
         scene = scene.replace(dotted) if dotted else scene
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
     def scene_and_fault_key(self, point: dict[str, Any]) -> tuple[Scene | Line, str | None]:
-        """The scene of a point of job power, and the key of its fault."""
+        """The scene of a point of job power, and the key of its planted fault; None: it has none."""
         seed = self.settings.get("seed", 0)
         return families.scene_and_fault_key(seed, round(point["case"]), self.settings.get("families", "ropeway"))
 
@@ -188,7 +188,7 @@ class Study(Part):
         return {k: v for k, v in named.items() if v is not None}
 
 
-def _with_drive_mode(scene: Scene, changes: dict[str, Any]) -> tuple[Scene, dict[str, Any]]:
+def _in_changed_drive_mode(scene: Scene, changes: dict[str, Any]) -> tuple[Scene, dict[str, Any]]:
     """A scene and its changes in another drive.mode, without keys that mean nothing there."""
     mode = changes["drive.mode"]
     keys = drive_keys_of_mode(mode)
@@ -205,8 +205,8 @@ def built_in_studies() -> dict[str, Path]:
 
 
 @cache
-def _design_points(kind: str, count: int, seed: int, axes: int) -> np.ndarray:
-    """All points of a design in the unit cube, (count, axes)."""
+def _unit_cube_samples(kind: str, count: int, seed: int, axes: int) -> np.ndarray:
+    """All points of a design of experiments in the unit cube, (count, axes)."""
     from scipy.stats import qmc
 
     if kind == "random":
