@@ -33,6 +33,7 @@ def length(v: Array) -> Array:
 
 
 def dot(a: Array, b: Array) -> Array:
+    """a . b of vectors (..., 2)."""
     return (a * b).sum(axis=-1)
 
 
@@ -48,12 +49,12 @@ class OnRail(NamedTuple):
     x: int
     rail: Rail
 
-    def set_follower(self, Z: Array) -> None:
-        """Set the jet of y in Z (3, ..., coordinates)."""
+    def set_dependent_coordinates(self, Z: Array) -> None:
+        """Set y and its rates in Z (3, ..., coordinates)."""
         Z[..., int(self.p[0])] = self.rail.y_with_rates(Z[..., self.x])
 
-    def fold_derivatives(self, K: Array, Z: Array, column: Array) -> None:
-        """Add the derivatives by the jet of y to those by that of x, without the third of Y; K (3, rows, columns)."""
+    def fold_dependent_derivatives(self, K: Array, Z: Array, column: Array) -> None:
+        """Add the derivatives by y and its rates to those by x, without the third of Y; K (3, rows, columns)."""
         _, dx, ddx = Z[:, self.x]
         _, slope, bend = self.rail.depth_with_derivatives(Z[0, self.x])
         by, at = K[..., int(column[self.p[0]])], column[self.x]
@@ -67,8 +68,8 @@ class ContactState:
 
     size = 26
 
-    def __init__(self, x: Array) -> None:
-        self.values = x
+    def __init__(self, values: Array) -> None:
+        self.values = x = values
         self.behind, self.ahead = x[..., 0:2], x[..., 2:4]  # 0 beyond the ends of the rope
         self.slope_behind, self.slope_ahead = x[..., 4:6], x[..., 6:8]
         self.p, self.dp, self.ddp = x[..., 8:10], x[..., 13:15], x[..., 18:20]
@@ -78,16 +79,17 @@ class ContactState:
 
     @cached_property
     def tau(self) -> Array:
+        """The unit mean tangent (..., 2)."""
         mean = self.slope_behind + self.slope_ahead
         return mean / length(mean)[..., None]
 
     @property
-    def stretch(self) -> Array:
+    def mean_stretch(self) -> Array:
         """<|r'|>."""
         return 0.5 * (length(self.slope_behind) + length(self.slope_ahead))
 
     @cached_property
-    def projection(self) -> Array:
+    def cos_phi(self) -> Array:
         """|<r'>|/<|r'|>."""
         return length(self.slope_behind + self.slope_ahead) / (length(self.slope_behind) + length(self.slope_ahead))
 
@@ -107,18 +109,18 @@ class Body:
     unknown = ""  # coordinates: x, y, angle t, centre u and v, s, that of the next contact S, F
     contacts = 1
 
-    def state_from_values(self, contact_values: Array) -> Any:
-        """What `rows` takes, from the values (..., contacts, 26)."""
+    def state_from_contact_values(self, contact_values: Array) -> Any:
+        """What `balance_rows` takes, from the values (..., contacts, 26)."""
         return ContactState(contact_values[..., 0, :])
 
     def balance_rows(self, x: Any, friction: Friction) -> Array:
         """The balances (..., n), one per unknown, zero where they hold."""
         return np.empty((*x.ds.shape, 0))
 
-    def row_derivatives(self, contact_values: Array, friction: Friction) -> Array:
-        """d(rows)/d(contact values) (n, contacts, 26)."""
+    def balance_row_derivatives(self, contact_values: Array, friction: Friction) -> Array:
+        """d(balance rows)/d(contact values) (n, contacts, 26)."""
         shifted = contact_values + 1j * TINY * np.eye(contact_values.size).reshape(-1, *contact_values.shape)
-        by = self.balance_rows(self.state_from_values(shifted), friction).imag / TINY
+        by = self.balance_rows(self.state_from_contact_values(shifted), friction).imag / TINY
         return by.T.reshape(-1, *contact_values.shape)
 
     def energies(self, x: Any) -> Array:
@@ -127,6 +129,8 @@ class Body:
 
 
 class Saddle(Body):
+    """A support over which the rope runs without friction."""
+
     unknown = "s"
 
     def balance_rows(self, x: ContactState, friction: Friction) -> Array:
@@ -134,6 +138,8 @@ class Saddle(Body):
 
 
 class Spring(Body):
+    """An elastic support."""
+
     unknown = "xy"
 
     def __init__(self, contact: Contact) -> None:
@@ -172,7 +178,7 @@ class CarBody(Body):
         self.k = car.drive.k  # of drag [kg/m]
         self.driven = "haul" if car.drive.mode == "haul" else "thrust"
 
-    def held_copy(self) -> Any:
+    def copy_held_at_rest(self) -> Any:
         """The car at rest: a free one is held, and no wind blows."""
         other = copy.copy(self)
         other.k = 0.0
@@ -180,15 +186,15 @@ class CarBody(Body):
             other.unknown = self.unknown[:-1]
         return other
 
-    def brake_forces_by_wheel(self, s: Any) -> Array:
+    def brake_forces_of_wheels(self, s: Any) -> Array:
         """Forces of the brakes on the wheels (..., wheels) [N], from left to right, with the car at s (...)."""
         return np.asarray(self.car.drive.brake_force(s))[..., None]
 
-    def centre_of_mass(self, x: Any) -> tuple[Array, Array]:
+    def centre_of_mass_and_velocity(self, x: Any) -> tuple[Array, Array]:
         """Point and velocity (..., 2) of the centre of mass of what turns, else of the car."""
         raise NotImplementedError
 
-    def powers(self, x: Any) -> dict[str, Array]:
+    def drag_drive_and_swing_powers(self, x: Any) -> dict[str, Array]:
         """Powers (...) [W] by cause, but those of friction, grip and hold."""
         raise NotImplementedError
 
@@ -197,32 +203,37 @@ class CarBody(Body):
         kink = (self.rho * wheel.ds**2)[..., None] * (wheel.slope_ahead - wheel.slope_behind)
         return wheel.behind - wheel.ahead + kink
 
-    def wheels(self, x: Any) -> Sequence[ContactState]:
+    def wheel_states(self, x: Any) -> Sequence[ContactState]:
         """The contacts, from left to right."""
         return (x,)
 
-    def wheel_loads(self, x: Any) -> Array:
+    def normal_wheel_loads(self, x: Any) -> Array:
         """Forces of the wheels on the rope (..., wheels) [N] normal to tau, positive down."""
         raise NotImplementedError
 
-    def rope_force_along(self, x: Any) -> Array:
+    def tangential_force_on_last_wheel(self, x: Any) -> Array:
         """Force (...) [N] of the rope on the last wheel along tau."""
         raise NotImplementedError
 
-    def drag(self, velocity: Array) -> Array:
+    def drag_force(self, velocity: Array) -> Array:
+        """Force (..., 2) [N] of the air, wind included."""
         if self.k == 0.0:
             return np.zeros_like(velocity)
         air = velocity - np.array([self.car.drive.wind, 0.0])
         return -self.k * length(air)[..., None] * air
 
     @staticmethod
-    def friction_and_brakes(loads: Array, friction: Friction) -> Array:
-        """Friction and brakes (..., wheels) [N] of wheels that press on the rope with (..., wheels) [N]."""
+    def friction_and_brake_forces(loads: Array, friction: Friction) -> Array:
+        """Sizes (..., wheels) [N] of both, of wheels that press on the rope with loads (..., wheels) [N]."""
         return friction.rolling * loads * np.sign(loads.real) + friction.brake
 
-    def resistance_and_hold(self, loads: Array, friction: Friction) -> Array:
+    def max_friction_and_brake_force(self, x: Any, friction: Friction) -> Array:
+        """Sum over the wheels [N] of what friction and brakes can give."""
+        return self.friction_and_brake_forces(self.normal_wheel_loads(x), friction).sum()
+
+    def signed_friction_and_hold(self, loads: Array, friction: Friction) -> Array:
         """f of each wheel (..., wheels) [N]; what holds a car holds the last one."""
-        out = -friction.sign * self.friction_and_brakes(loads, friction)
+        out = -friction.sign * self.friction_and_brake_forces(loads, friction)
         out[..., -1] += friction.hold
         return out
 
@@ -244,28 +255,28 @@ class PointCar(CarBody):
             self.about_hanger = hanger.inertia + self.m * self.h**2
 
     @staticmethod
-    def axes(x: ContactState) -> tuple[Array, Array]:
-        """e1 and e2 (..., 2)."""
+    def cabin_axes(x: ContactState) -> tuple[Array, Array]:
+        """e1 forward and e2 down along the hanger (..., 2)."""
         cos, sin = np.cos(x.angle), np.sin(x.angle)
         return np.concatenate([cos, -sin], axis=-1), np.concatenate([sin, cos], axis=-1)
 
-    def centre_of_mass(self, x: ContactState) -> tuple[Array, Array]:
-        e1, e2 = self.axes(x)
+    def centre_of_mass_and_velocity(self, x: ContactState) -> tuple[Array, Array]:
+        e1, e2 = self.cabin_axes(x)
         return x.p + self.h * e2, x.dp + self.h * x.dangle * e1
 
     def contact_force(self, x: ContactState) -> Array:
-        """C."""
+        """C (..., 2) [N], the force that car and cabin need, by their motion."""
         own = self.car.mass * (x.ddp - self.gravity * DOWN) - x.F[..., None] * x.tau
         if not self.turns:
-            return own - self.drag(x.dp)
-        e1, e2 = self.axes(x)
+            return own - self.drag_force(x.dp)
+        e1, e2 = self.cabin_axes(x)
         swinging = self.m * self.h * (x.ddangle * e1 - x.dangle**2 * e2)
-        return own + swinging - self.drag(self.centre_of_mass(x)[1])
+        return own + swinging - self.drag_force(self.centre_of_mass_and_velocity(x)[1])
 
-    def wheel_loads(self, x: ContactState) -> Array:
+    def normal_wheel_loads(self, x: ContactState) -> Array:
         return -normal_component(self.contact_force(x), x.tau)[..., None]
 
-    def rope_force_along(self, x: ContactState) -> Array:
+    def tangential_force_on_last_wheel(self, x: ContactState) -> Array:
         return dot(self.contact_force(x) if self.car.rail is None else -self.force_on_rope(x), x.tau)
 
     def balance_rows(self, x: ContactState, friction: Friction) -> Array:
@@ -275,31 +286,31 @@ class PointCar(CarBody):
             slope = self.car.rail.depth_with_derivatives(x.p[..., 0])[1]
             balances = [(balances[0][..., 0] + slope * balances[0][..., 1])[..., None]]
         if self.turns:
-            balances.append(self.swing_row(x))
+            balances.append(self.cabin_moment_balance(x))
         if self.unknown[-1] in "sF":
-            slip = self.resistance_and_hold(-normal_component(C, x.tau)[..., None], friction)[..., 0]
+            slip = self.signed_friction_and_hold(-normal_component(C, x.tau)[..., None], friction)[..., 0]
             along = dot(C if self.car.rail is None else -on_rope, x.tau)
-            balances.append((along - slip * x.projection)[..., None])
+            balances.append((along - slip * x.cos_phi)[..., None])
         return np.concatenate(balances, axis=-1)
 
-    def swing_row(self, x: ContactState) -> Array:
+    def cabin_moment_balance(self, x: ContactState) -> Array:
         """Balance of moments of the cabin about the hanger (..., 1)."""
-        e1, e2 = self.axes(x)
+        e1, e2 = self.cabin_axes(x)
         weight = self.gravity * e2[..., 0]
-        drag = self.drag(self.centre_of_mass(x)[1])
+        drag = self.drag_force(self.centre_of_mass_and_velocity(x)[1])
         hanging = self.m * self.h * (dot(x.ddp, e1) + weight) - self.h * dot(drag, e1)
         return self.about_hanger * x.ddangle + self.damping * x.dangle + hanging[..., None]
 
     def energies(self, x: ContactState) -> Array:
-        carriage, (c, dc) = self.car.mass - self.m, self.centre_of_mass(x)
+        carriage, (c, dc) = self.car.mass - self.m, self.centre_of_mass_and_velocity(x)
         turning = (self.about_hanger - self.m * self.h**2) * x.dangle[..., 0] ** 2
         kinetic = 0.5 * (carriage * dot(x.dp, x.dp) + self.m * dot(dc, dc) + turning)
         height = carriage * x.p[..., 1] + self.m * c[..., 1]
         return np.stack([kinetic, 0.0 * kinetic, -self.gravity * height])
 
-    def powers(self, x: ContactState) -> dict[str, Array]:
-        velocity = self.centre_of_mass(x)[1]
+    def drag_drive_and_swing_powers(self, x: ContactState) -> dict[str, Array]:
+        velocity = self.centre_of_mass_and_velocity(x)[1]
         powers = {"swing": -self.damping * x.dangle[..., 0] ** 2} if self.damping else {}
         if self.car.drive_kind == "grip":
             return powers
-        return powers | {"drag": dot(self.drag(velocity), velocity), self.driven: x.F * dot(x.tau, x.dp)}
+        return powers | {"drag": dot(self.drag_force(velocity), velocity), self.driven: x.F * dot(x.tau, x.dp)}

@@ -40,7 +40,7 @@ class EntrainedCable(NamedTuple):
 
     shape: Array  # (n,)
     drag: Array  # (n,)
-    m: float  # inertia m and b of `_start_at_entry`
+    m: float  # inertia m and b of `_state_at_entry`
     b: float
 
 
@@ -78,7 +78,7 @@ class GalerkinSystem(System):
         self.path_form = self.at_support = load == "mass" and not basis.has_second_derivative
         self.fields = self.cable.fields
         self.n = self.basis.n
-        self.has_compiled_steps = self.fields == 2 and isinstance(basis, Fourier)  # as `runs_with_equal_rules` needs
+        self.has_compiled_steps = self.fields == 2 and isinstance(basis, Fourier)  # see `kernels`
         self.n_modal = self.fields * self.n
         self.n_dof = self.n_modal + self.fields * self.path_form
         self.phases = groups.drive.phases if self.motion is None else self.motion.phases
@@ -131,24 +131,24 @@ class GalerkinSystem(System):
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.instant(t, phase)
-        force, tensions = self.cable.internal_force_and_tensions(x.tables, self._by_field(q))
+        force, tensions = self.cable.internal_force_and_tensions(x.tables, self._coefficients_by_field(q))
         self.min_tension_and_position = self.cable.min_tension_and_position(self.basis, x.tables, tensions)
         return self._residual_at_instant(x, q, v, a, force)
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
-        force, tensions, K = self.cable.force_tensions_and_tangent(x.tables, self._by_field(q))
+        force, tensions, K = self.cable.force_tensions_and_tangent(x.tables, self._coefficients_by_field(q))
         self.min_tension_and_position = self.cable.min_tension_and_position(self.basis, x.tables, tensions)
         return self._residual_at_instant(x, q, v, a, force), lu_solver_overwriting(self._tangent_at_instant(x, K, *c))
 
-    def _by_field(self, y: Array) -> Array:
+    def _coefficients_by_field(self, y: Array) -> Array:
         """The coefficients (fields, n) of unknowns or rates."""
         return y[: self.n_modal].reshape(self.fields, self.n)
 
     def _residual_at_instant(self, x: Instant, q: Array, v: Array, a: Array, internal_force: Array) -> Array:
-        Q = self._by_field(q)
-        V = self._by_field(v)
-        A = self._by_field(a)
+        Q = self._coefficients_by_field(q)
+        V = self._coefficients_by_field(v)
+        A = self._coefficients_by_field(a)
         c = x.inertia_terms
         w_tt = a[self.n_modal :] if self.path_form else A @ c.f + V @ c.f_v + Q @ c.f_q  # of the mass
         load = self.inertia * w_tt + self.mu * x.load
@@ -160,7 +160,7 @@ class GalerkinSystem(System):
 
     def tangent(self, t: float, q: Array, phase: int, c0: complex, c1: complex, c2: complex) -> Array:
         x = self.instant(t, phase)
-        stiffness = self.cable.force_tensions_and_tangent(x.tables, self._by_field(q))[2]
+        stiffness = self.cable.force_tensions_and_tangent(x.tables, self._coefficients_by_field(q))[2]
         return self._tangent_at_instant(x, stiffness, c0, c1, c2)
 
     def _tangent_at_instant(self, x: Instant, stiffness: Array, c0: complex, c1: complex, c2: complex) -> Array:
@@ -179,7 +179,7 @@ class GalerkinSystem(System):
         to_mass = np.kron(np.eye(self.fields), c.f)
         return np.block([[K, (c2 * self.mu) * to_mass.T], [-c0 * to_mass, c0 * np.eye(self.fields)]])
 
-    def runs_with_equal_rules(self, s_o: Array) -> Iterator[tuple[slice, kernels.CableSines]]:
+    def runs_with_equal_quadrature(self, s_o: Array) -> Iterator[tuple[slice, kernels.CableSines]]:
         """Runs of consecutive positions s_o (m,) with the same quadrature rules, and their `CableSines`."""
         for same, behind, ahead in self.sines.runs_of_equal_gauss_rules(s_o):
             yield same, self._cable_sines(behind, ahead)
@@ -223,7 +223,7 @@ class GalerkinSystem(System):
     ) -> tuple[int, Array, Array]:
         """The number of good steps, ends and results of `kernels.solve_steps`."""
         kinematics = self.motion.positions_with_rates(t, phase).T
-        same, sines = next(self.runs_with_equal_rules(kinematics[:, 0]))
+        same, sines = next(self.runs_with_equal_quadrature(kinematics[:, 0]))
         return kernels.solve_steps(
             None, None, sines, np.ascontiguousarray(kinematics[same]), start, rules[same], newton
         )
@@ -243,7 +243,7 @@ class GalerkinSystem(System):
                 return newmark.quasi_static_start(
                     self, lambda at: solve_equilibrium(self.with_clamped_car(at)), s_o, ds_o
                 )
-            return self._start_at_entry()
+            return self._state_at_entry()
         t = self.phases[phase][0]
         if not self.path_form:
             return newmark.consistent_acceleration(self, t, state.q, state.v, phase)
@@ -266,7 +266,7 @@ class GalerkinSystem(System):
         other.motion = rest_motion(s_o, 1.0)
         return other
 
-    def _start_at_entry(self) -> State:
+    def _state_at_entry(self) -> State:
         """The limit t -> 0+; see README.md, "Start".
 
         With m, b of `EntrainedCable` the row of the hat is

@@ -71,12 +71,12 @@ def forces_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibrium
 
 
 def min_tension_and_position(
-    cable: FullCable, instants: int, along: Callable[[Array], Callable[[Array], Array]], s: Array
+    cable: FullCable, instants: int, force_along: Callable[[Array], Callable[[Array], Array]], s: Array
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Smallest tension of every instant and its s, (n,); along(s)(k): N t at stations s and instants k."""
+    """Smallest tension of every instant and its s, (n,); force_along(s)(k): N t at stations s and instants k."""
     count = 60  # for the smallest tension
     stations = np.concatenate([[0.0], s[:: 1 + s.size // count], [1.0]])
-    force = along(stations)
+    force = force_along(stations)
     T = evaluate_in_batches(lambda k: signed_tension(force(k), static_force(cable, stations)), np.arange(instants))
     return T.min(axis=1), stations[T.argmin(axis=1)]
 
@@ -95,7 +95,7 @@ def side_force_and_energy_integrals(x: Measures) -> tuple[Array, Array]:
     side_forces = np.empty((n, 2, 2))
     strain = np.empty(n)
     if system.has_compiled_steps:
-        for k, sines in system.runs_with_equal_rules(x.inside):
+        for k, sines in system.runs_with_equal_quadrature(x.inside):
             kernels.set_side_forces_and_strain_energies(sines, x.inside[k], Q[k], side_forces[k], strain[k])
         return side_forces, strain
     cable = system.cable

@@ -201,7 +201,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         else:
             kinematics = np.ascontiguousarray(self.motion.positions_with_rates(t, phase).T)
             turned = np.flatnonzero(np.signbit(kinematics[:, 1]) != np.signbit(kinematics[0, 1]))
-            same, sines = next(self.runs_with_equal_rules(kinematics[: turned[0] if turned.size else t.size, 0]))
+            same, sines = next(self.runs_with_equal_quadrature(kinematics[: turned[0] if turned.size else t.size, 0]))
             t = t[same]
             rules = rules[same]
         thrust = drive.thrust(t, phase) if self.free else np.zeros(t.size)

@@ -39,16 +39,16 @@ class Follower(NamedTuple):
         """The arm and d(arm)/d(pitch), (..., 2) or (..., 1)."""
         return rotate(self.arm, pitch)[..., : self.p.size], rotate(arm_derivative(self.arm), pitch)[..., : self.p.size]
 
-    def set_follower(self, Z: Array) -> None:
-        """Set the jet of p in Z (3, ..., coordinates)."""
+    def set_dependent_coordinates(self, Z: Array) -> None:
+        """Set p and its rates in Z (3, ..., coordinates)."""
         th, dth, ddth = Z[..., self.pitch, None]
         arm, n = self.arm_and_derivative(th)
         Z[0][..., self.p] = Z[0][..., self.c] + arm
         Z[1][..., self.p] = Z[1][..., self.c] + dth * n
         Z[2][..., self.p] = Z[2][..., self.c] + ddth * n - dth**2 * arm
 
-    def fold_derivatives(self, K: Array, Z: Array, column: Array) -> None:
-        """Add the derivatives by the jet of p to those by the jets of c and pitch; K (3, rows, columns)."""
+    def fold_dependent_derivatives(self, K: Array, Z: Array, column: Array) -> None:
+        """Add the derivatives by p and its rates to those by c and pitch; K (3, rows, columns)."""
         th, dth, ddth = Z[:, self.pitch, None]
         arm, n = self.arm_and_derivative(th)
         by = K[..., column[self.p]]  # (3, rows, p.size)
@@ -60,15 +60,15 @@ class Follower(NamedTuple):
 
 
 def arm_derivative(arm: Pair) -> Pair:
-    """d(arm)/dth."""
+    """d(arm)/d(pitch): the arm turned by 90 degrees."""
     return -arm[1], arm[0]
 
 
 def wheel_arm_in_car_axes(wheel: Wheel) -> Pair:
     """p - c along e1 and e2 [m]."""
-    of = wheel.car.wheels
-    assert of is not None
-    return (0.5 if wheel.front else -0.5) * of.base - of.ahead, -of.below
+    wheels = wheel.car.wheels
+    assert wheels is not None
+    return (0.5 if wheel.front else -0.5) * wheels.base - wheels.ahead, -wheels.below
 
 
 class Trolley(CarBody):
@@ -86,24 +86,24 @@ class Trolley(CarBody):
         self.thrust_axes = math.cos(drive.thrust_angle), -math.sin(drive.thrust_angle)  # of a unit force
         self.lever = ahead * self.thrust_axes[1] - below * self.thrust_axes[0]
 
-    def brake_forces_by_wheel(self, s: Any) -> Array:
+    def brake_forces_of_wheels(self, s: Any) -> Array:
         rear = np.asarray(self.car.drive.rear_brake_force(s))
         return np.stack([rear, self.car.drive.brake_force(s) - rear], axis=-1)
 
-    def centre_of_mass(self, x: tuple[ContactState, ContactState]) -> tuple[Array, Array]:
+    def centre_of_mass_and_velocity(self, x: tuple[ContactState, ContactState]) -> tuple[Array, Array]:
         return x[0].c, x[0].dc
 
-    def state_from_values(self, contact_values: Array) -> tuple[ContactState, ContactState]:
+    def state_from_contact_values(self, contact_values: Array) -> tuple[ContactState, ContactState]:
         """The rear wheel, with angle, centre and F of the car, and the front wheel."""
         return ContactState(contact_values[..., 0, :]), ContactState(contact_values[..., 1, :])
 
-    def wheels(self, x: tuple[ContactState, ContactState]) -> Sequence[ContactState]:
+    def wheel_states(self, x: tuple[ContactState, ContactState]) -> Sequence[ContactState]:
         return x
 
-    def wheel_loads(self, x: tuple[ContactState, ContactState]) -> Array:
+    def normal_wheel_loads(self, x: tuple[ContactState, ContactState]) -> Array:
         return np.stack([normal_component(self.force_on_rope(wheel), wheel.tau) for wheel in x], axis=-1)
 
-    def rope_force_along(self, x: tuple[ContactState, ContactState]) -> Array:
+    def tangential_force_on_last_wheel(self, x: tuple[ContactState, ContactState]) -> Array:
         return -dot(self.force_on_rope(x[1]), x[1].tau)
 
     def balance_rows(self, x: tuple[ContactState, ContactState], friction: Friction) -> Array:
@@ -111,10 +111,10 @@ class Trolley(CarBody):
         P = [self.force_on_rope(wheel) for wheel in x]
         n = [rotate(arm_derivative(arm), rear.angle) for arm in self.arms_in_car_axes]
         driven = rear.F[..., None] * rotate(self.thrust_axes, rear.angle)
-        force = P[0] + P[1] + car.mass * (rear.ddc - self.gravity * DOWN) - driven - self.drag(rear.dc)
+        force = P[0] + P[1] + car.mass * (rear.ddc - self.gravity * DOWN) - driven - self.drag_force(rear.dc)
         moment = dot(n[0], P[0]) + dot(n[1], P[1]) + self.inertia * rear.ddangle[..., 0] - self.lever * rear.F
-        slip = self.resistance_and_hold(self.wheel_loads(x), friction)
-        rolling = [dot(P[i], x[i].tau) + slip[..., i] * x[i].projection for i in (0, 1)]
+        slip = self.signed_friction_and_hold(self.normal_wheel_loads(x), friction)
+        rolling = [dot(P[i], x[i].tau) + slip[..., i] * x[i].cos_phi for i in (0, 1)]
         if self.unknown[-1] == "s":
             rolling.pop()
         return np.concatenate([force, np.stack([moment, *rolling], axis=-1)], axis=-1)
@@ -124,9 +124,9 @@ class Trolley(CarBody):
         kinetic = 0.5 * (car.mass * dot(at.dc, at.dc) + self.inertia * at.dangle[..., 0] ** 2)
         return np.stack([kinetic, 0.0 * kinetic, -car.mass * self.gravity * at.c[..., 1]])
 
-    def powers(self, x: tuple[ContactState, ContactState]) -> dict[str, Array]:
+    def drag_drive_and_swing_powers(self, x: tuple[ContactState, ContactState]) -> dict[str, Array]:
         at = x[0]
         if self.car.drive_kind == "grip":
             return {}
         driven = dot(rotate(self.thrust_axes, at.angle), at.dc) + self.lever * at.dangle[..., 0]
-        return {"drag": dot(self.drag(at.dc), at.dc), self.driven: at.F * driven}
+        return {"drag": dot(self.drag_force(at.dc), at.dc), self.driven: at.F * driven}

@@ -148,7 +148,7 @@ compiled_car_from_motion = compiled(car_from_motion)
 
 
 @inner
-def stretch_over_tension(force: Array, slope: Array, T: float, alpha: float) -> float:
+def stretch_over_tension_if_taut(force: Array, slope: Array, T: float, alpha: float) -> float:
     """lam/N where the cable carries the force N t (2,); 0 where it is slack, r' (2,) = slope points elsewhere."""
     N = math.hypot(force[0], force[1])
     if not (N > MIN_TENSION and force[0] * slope[0] + force[1] * slope[1] > 0.0):
@@ -208,7 +208,7 @@ def car_motion_and_equilibrium_slopes(
             for i in range(last + 1):
                 rate = coefficients.A[a, i] + cable.damping * coefficients.V[a, i]
                 force[a] += sign * hat_overlap_on_side(terms, side, i) * rate
-        ratios[side] = stretch_over_tension(force, slopes[side], T, cable.alpha)
+        ratios[side] = stretch_over_tension_if_taut(force, slopes[side], T, cable.alpha)
         if ratios[side] != 0.0:
             slopes[side, 0] = ratios[side] * force[0]
             slopes[side, 1] = ratios[side] * force[1]

@@ -125,7 +125,7 @@ def set_residual_and_derivatives(
 
 
 @inner
-def set_residual_between_ends(now: Instant, step: Step) -> tuple[Instant, Car, float]:
+def set_residual_inside_step(now: Instant, step: Step) -> tuple[Instant, Car, float]:
     """Evaluate w end + (1 - w) begin, w of the rule; return `Instant`, car and |r|, NaN off the cable."""
     workspace = step.workspace
     for k in range(3):
@@ -162,7 +162,7 @@ def set_tangent(now: Instant, ride: Ride | None, sines: CableSines, workspace: W
 
 
 @inner
-def predict_end(rule: Array, begin: Array, end: Array) -> None:
+def set_predicted_end(rule: Array, begin: Array, end: Array) -> None:
     """Set the end of a step (3, n_dof) to the rule's guess."""
     for k in range(3):
         for i in range(begin.shape[1]):
@@ -178,10 +178,10 @@ def correct_end(rule: Array, end: Array, newton_step: Array, fraction: float) ->
 
 
 @inner
-def correct_until_smaller(
-    now: Instant, step: Step, newton: Newton, before: float, iterations: int
+def correct_end_until_residual_falls(
+    now: Instant, step: Step, newton: Newton, norm_before: float, iterations: int
 ) -> tuple[Instant, Car, float, int]:
-    """Correct the end by a Newton step, halved until |r| falls below `before`.
+    """Correct the end by a Newton step, halved until |r| falls below `norm_before`.
 
     The first `newton.patience` iterations may let it grow.  Return `Instant`, car, |r| and the count of evaluations.
     """
@@ -191,9 +191,9 @@ def correct_until_smaller(
     norm = math.inf
     for _ in range(newton.halvings + 1):
         correct_end(step.rule, step.end, step.workspace.step, fraction)
-        now, car, norm = set_residual_between_ends(now, step)
+        now, car, norm = set_residual_inside_step(now, step)
         evaluations += 1
-        if norm < before or (iterations < newton.patience and norm < math.inf):
+        if norm < norm_before or (iterations < newton.patience and norm < math.inf):
             break
         fraction = -0.5 * abs(fraction)  # take back half of the last one
     return now, car, norm, evaluations
@@ -208,8 +208,8 @@ def solve_step(now: Instant, step: Step, newton: Newton) -> tuple[float, int, in
     rule = step.rule
     workspace = step.workspace
     c = rule[0, 4] * rule[0, 3], rule[1, 4] * rule[1, 3], rule[2, 4] * rule[2, 3]
-    predict_end(rule, step.begin, step.end)
-    now, car, norm = set_residual_between_ends(now, step)
+    set_predicted_end(rule, step.begin, step.end)
+    now, car, norm = set_residual_inside_step(now, step)
     iterations = 0
     factorisations = 0
     evaluations = 0
@@ -224,7 +224,7 @@ def solve_step(now: Instant, step: Step, newton: Newton) -> tuple[float, int, in
         copy_into(workspace.r, workspace.step)
         solve_in_place(workspace.factors, workspace.step)
         before = norm
-        now, car, norm, tried = correct_until_smaller(now, step, newton, before, iterations)
+        now, car, norm, tried = correct_end_until_residual_falls(now, step, newton, before, iterations)
         evaluations += tried
         iterations += 1
     lowest, where = min_tension_and_position(now.points, now.at_mass.s_o, workspace.tensions)

@@ -14,6 +14,7 @@ from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car
 from cablefem.scene.drive import Drive
 from cablefem.scene.motion import rest_motion
+from galerkin.line_rest import coordinates_at_rest
 from galerkin.lines import LineSines
 from tests.motion.lines import LEFT, Smooth, anchor, line, run
 from tests.motion.test_sines import frequencies
@@ -35,7 +36,7 @@ def level(car, length, chord, **rope):
 
 def resting(system):
     """What a line at rest shows whose cars are not free."""
-    rest, free, forces = system.coordinates_at_rest(), system.equations.free, system.equations.forces
+    rest, free, forces = coordinates_at_rest(system), system.equations.free, system.equations.forces
     q = np.where(forces, 0.0, rest[0, free])
     state = State(0.0, q, 0.0 * q, np.where(forces, rest[2, free], 0.0), 0)
     return system.observe([state], np.array([1.0]))

@@ -13,6 +13,7 @@ from cablefem.newmark import State, StepFailure, Work, integrate, scheme, step_t
 from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car, Elastic, MovingLine
 from galerkin.bodies import Friction
+from galerkin.line_rest import coordinates_at_rest
 from galerkin.lines import LineSines
 from tests.motion.lines import (
     ALL,
@@ -92,7 +93,7 @@ def test_newton_doubles_the_digits():
 def frequencies(scene, terms):
     """Of the line with its cars held, rising [1/s]."""
     system = LineSines(scene, terms)
-    rest = system.coordinates_at_rest()
+    rest = coordinates_at_rest(system)
     _, K = system.equations.linearise(rest, [Friction() for _ in scene.contacts])
     return np.sort(np.sqrt(eig(K[0], K[2], right=False).real))
 

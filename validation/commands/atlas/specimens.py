@@ -43,8 +43,8 @@ def _system_without(*terms: str) -> type[GalerkinSystem]:
 class _RestingStart(GalerkinSystem):
     """FAULT: at entry the hat accelerates with the mass alone and the sines rest, instead of the limit t -> 0+."""
 
-    def _start_at_entry(self) -> State:
-        x = super()._start_at_entry()
+    def _state_at_entry(self) -> State:
+        x = super()._state_at_entry()
         s_o, ds_o, dds_o = self.motion.position_with_rates(x.t, 0)
         a = np.zeros_like(x.a)
         a[self.n - 1 :: self.n] = -self._load_per_mass(s_o, ds_o, dds_o)

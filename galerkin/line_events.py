@@ -1,0 +1,47 @@
+"""Events of a line in motion: what is watched, and by which names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from cablefem.scene.contacts import Contact, MovingLine, lift_off_event_name, meeting_event_name
+from cablefem.shoes import passage_exists_between, possible_passages
+from galerkin.bodies import Body, CarBody, Saddle
+
+
+class WatchedEvents:
+    """What each kind of event watches; `names` in the order of `LineSines.event_values`."""
+
+    def __init__(self, line: MovingLine, bodies: Sequence[Body], cars: Mapping[int, CarBody]) -> None:
+        """cars : by contact, those on two wheels by the rear one."""
+        self.passages = possible_passages(line)
+        self.gaps = self._segments_where_cars_may_meet(line, cars)
+        # contacts of free cars that may stop, and the positions where their brakes begin
+        free = {k: body.car for k, body in cars.items() if body.car.drive_kind == "free"}
+        self.stops = [k for k, car in free.items() if car.drive.has_friction_or_brakes]
+        self.brakes = [(k, position) for k in self.stops for position, _ in cars[k].car.drive.brakes]
+        self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
+        self.names = self._event_names(line, {k: body.car.name for k, body in cars.items()})
+
+    def _segments_where_cars_may_meet(self, line: MovingLine, cars: Mapping[int, CarBody]) -> list[int]:
+        """Segments beside cars, but for those between two wheels and those to a saddle that a car may pass."""
+        names = [contact.name for contact in line.contacts_and_wheels]
+        fronts = [k + body.contacts - 1 for k, body in cars.items()]
+        between_wheels = [k for k, body in cars.items() if body.contacts > 1]
+        beside = [i for i in range(len(names) - 1) if i in fronts or i + 1 in cars]
+        outer = [i for i in beside if i not in between_wheels]
+        return [i for i in outer if not passage_exists_between(self.passages, names[i], names[i + 1])]
+
+    def _event_names(self, line: MovingLine, cars: Mapping[int, str]) -> tuple[str, ...]:
+        """cars : names by contact."""
+        touching = line.contacts_and_wheels
+        return (
+            *(meeting_event_name(touching[i], touching[i + 1]) for i in self.gaps),
+            *(f"{cars[k]} stops" for k in self.stops),
+            *(f"{cars[k]} brakes" for k, _ in self.brakes),
+            *(lift_off_event_name(contact) for contact in touching if not isinstance(contact, Contact)),
+            "rope falls slack",
+            *(f"rope lifts off {touching[k].name}" for k in self.saddles),
+            *(f"{cars[k]} breaks loose" for k in self.stops),
+            *map(str, self.passages),
+        )

@@ -1,0 +1,64 @@
+"""Cars that run on the rail of a saddle, off the rope: their grip acts on the saddle, and their cabins swing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cablefem.scene.contacts import Array, Car, MovingLine
+from galerkin.bodies import ContactState, PointCar, dot
+from galerkin.segments import Layout
+
+
+class CarOffRope:
+    """A car off the rope, and its part in the rows of a line."""
+
+    def __init__(self, line: MovingLine, car: Car, layout: Layout, saddle: int, rows: dict[int, int]) -> None:
+        """saddle : contact below the car;  rows : numbers of the rows by coordinate."""
+        self.line, self.layout, self.saddle = line, layout, saddle
+        self.body = PointCar(car, line)
+        # row of s of the saddle, on which the grip acts
+        self.saddle_row = rows[int(layout.s[saddle])] if car.drive_kind == "grip" else None
+        self.angle_row = rows[layout.angle_off_rope[car.name]] if car.hanger is not None else None
+
+    @property
+    def has_rows(self) -> bool:
+        """Whether the car acts in a row."""
+        return self.saddle_row is not None or self.angle_row is not None
+
+    def contact_state(self, t: Array, Z: Array, phase: int) -> ContactState:
+        """What the body takes, at the times t (n,), from Z (3, n, layout.size)."""
+        car = self.body.car
+        assert car.rail is not None
+        flow = Z[:, :, self.layout.s[self.saddle]].T
+        instants = zip(t.tolist(), flow, strict=True)
+        points = [self.line.point_with_rates_off_rope(car, at, phase, s) for at, s in instants]
+        x = np.zeros((t.size, ContactState.size))
+        x[:, [4, 6]] = 1.0  # the rail in the place of the rope
+        for order, point in enumerate(np.swapaxes(points, 0, 1)):
+            x[:, 8 + 5 * order : 10 + 5 * order] = point
+            if car.hanger is not None:
+                x[:, 10 + 5 * order] = Z[order][:, self.layout.angle_off_rope[car.name]]
+        x[:, [5, 7]] = car.rail.depth_with_derivatives(x[:, 8])[1][:, None]
+        return ContactState(x)
+
+    def complete_residuals(self, x: ContactState, r: Array) -> None:
+        """Add the grip to the residuals r (n, rows) of n instants, and set the row of the cabin."""
+        if self.saddle_row is not None:
+            r[:, self.saddle_row] -= dot(self.body.contact_force(x), x.tau)
+        if self.angle_row is not None:
+            r[:, self.angle_row] = self.body.cabin_moment_balance(x)[:, 0]
+
+    def complete_derivatives(self, x: ContactState, K: Array) -> None:
+        """The same for the derivatives K (3, rows, rows) at one instant; drag and motion of the point change little."""
+        body, saddle, angle = self.body, self.saddle_row, self.angle_row
+        stretch = body.car.rail.stretch if body.car.rail is not None else 1.0
+        if saddle is not None:
+            K[2, saddle, saddle] += body.car.mass * stretch
+        if angle is not None:
+            weight = body.m * body.h * self.line.gravity * math.cos(x.angle.item())
+            K[:, angle, angle] = weight, body.damping, body.about_hanger
+        if saddle is not None and angle is not None:
+            K[2, saddle, angle] = -body.m * body.h * dot(body.cabin_axes(x)[0], x.tau).item()
+            K[2, angle, saddle] = stretch * K[2, saddle, angle]

@@ -1,0 +1,179 @@
+"""A line at rest, by Newton's method from chords with a little sag; a stiff rope begins soft."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from cablefem.newmark import StepFailure
+from cablefem.scene.contacts import Array, Contact, MovingLine
+from galerkin.bodies import Friction
+from galerkin.segments import Rope, Softness
+from galerkin.trolley import rotate
+
+if TYPE_CHECKING:
+    from galerkin.lines import LineSines
+
+SAG = 0.02  # of the first guess, over the chord
+ITERATIONS = 100  # of the search for rest
+TOL = 1e-11  # of EA
+SOFTENED = 4  # steps from a soft rope to the stiff one
+
+
+def coordinates_at_rest(system: LineSines, time_shift: float = 0.0, guess: Array | None = None) -> Array:
+    """Coordinates (3, layout.size) of the line at rest, free cars held; F stands in the last row.
+
+    time_shift : [s] by which the prescribed positions are ahead of the start, at their first speed.
+    guess : coordinates near by, else several are tried.
+    StepFailure where no rest is found.
+    """
+    layout = system.layout
+    Z = system.prescribed_coordinates(0.0, 0)
+    Z[0] += time_shift * Z[1]
+    Z[1] = 0.0
+    for k in system.free_cars:
+        Z[2, layout.F[k]] = 0.0
+    Z[2, layout.s] = Z[2, layout.x] = 0.0
+    search = RestSearch(system, Z)
+    if guess is not None:
+        return search.solve(guess)
+    for factor in (1.0, 4.0, 0.25):
+        try:
+            return _rest_by_stiffening_rope(search, factor * _tension_scale(system.line))
+        except StepFailure:
+            continue
+    raise StepFailure(0.0, "no rest of the line was found", "start the cars elsewhere")
+
+
+def _rest_by_stiffening_rope(search: RestSearch, tension: float) -> Array:
+    """Rest of a rope that at first resists little to changes of this tension [N]."""
+    layout = search.system.layout
+    rest = guess_sagging_chords(search.system, search.Z)
+    soft = min(1.0, 5.0 * tension / layout.line.rope.EA)
+    for fraction in np.geomspace(soft, 1.0, SOFTENED + 1).tolist():
+        layout.softness = Softness(tension, fraction)
+        rest = search.solve(rest)
+    return rest
+
+
+def chord_lengths(line: MovingLine) -> Array:
+    """Distances [m] between neighbouring supports."""
+    points = np.array([c.point for c in line.supports])
+    return np.asarray(np.hypot(*np.diff(points, axis=0).T))
+
+
+def _tension_scale(line: MovingLine) -> float:
+    """Order of the tension [N]."""
+    weights = [c.force for c in line.supports if c.force is not None]
+    if weights:
+        return weights[0]
+    weight_of_rope = line.weight_per_length * float(chord_lengths(line).sum())
+    return 4.0 * (weight_of_rope + sum(line.gravity * car.mass for car in line.cars))
+
+
+class RestSearch:
+    """Newton's method for the rest of a line with what is prescribed in Z, free cars held."""
+
+    def __init__(self, system: LineSines, Z: Array) -> None:
+        self.system, self.equations, self.Z = system, system.held_equations, Z
+        self.frictions = [Friction() for _ in self.equations.bodies]
+        for k, body in system.cars.items():
+            if body.car.travel is not None:
+                self.frictions[k] = Friction(body.car.drive.mu_r, sign=system.line.travel_direction(body.car, 0))
+
+    def coordinates(self, unknowns: Array) -> Array:
+        """All coordinates (3, layout.size) with these unknowns."""
+        free, forces = self.equations.free, self.equations.forces
+        Z = self.Z.copy()
+        Z[0, free] = np.where(forces, 0.0, unknowns)
+        self.system.layout.set_dependent_coordinates(Z)
+        Z[2, free[forces]] = unknowns[forces]
+        return Z
+
+    def residual_norm(self, unknowns: Array) -> float:
+        """|r|; infinite where contacts are not in their order along the rope."""
+        Z = self.coordinates(unknowns)
+        if not (np.diff(Z[0, self.system.layout.s]) > 0.0).all():
+            return math.inf
+        rope = Rope(self.system.layout, Z)
+        r = self.equations.residual(rope, self.equations.contact_values(rope, Z), self.frictions)
+        return float(np.linalg.norm(r))
+
+    def solve(self, guess: Array) -> Array:
+        """Coordinates at rest, with shorter steps where the residual grows; StepFailure without convergence."""
+        free, forces = self.equations.free, self.equations.forces
+        unknowns = np.where(forces, guess[2, free], guess[0, free])
+        before, bound = math.inf, TOL * self.system.line.rope.EA
+        for _ in range(ITERATIONS):
+            r, K = self.equations.linearise(self.coordinates(unknowns), self.frictions)
+            step = np.linalg.solve(np.where(forces, K[2], K[0]), r)
+            now = float(np.linalg.norm(r))
+            if now <= bound and now >= 0.5 * before:
+                return self.coordinates(unknowns)
+            fraction = 1.0
+            while self.residual_norm(unknowns - fraction * step) > now and now > bound and fraction > 1e-6:
+                fraction *= 0.5
+            unknowns, before = unknowns - fraction * step, now
+        raise StepFailure(0.0, "no rest of the line was found", "start the cars elsewhere")
+
+
+class Chord(NamedTuple):
+    """The first guess between two supports: a chord with a little sag."""
+
+    s: Array  # of both supports (2,) [m]
+    start: Array  # point of the first (2,)
+    direction: Array  # to the second (2,)
+    sag: float  # [m] four times that at the middle
+
+    def y(self, fraction: float) -> float:
+        """y at a fraction of the chord."""
+        straight = self.start[1] + fraction * self.direction[1]
+        return float(straight + self.sag * fraction * (1.0 - fraction))
+
+
+def guess_sagging_chords(system: LineSines, Z: Array) -> Array:
+    """Coordinates (3, layout.size) with contacts on chords that sag a little; Z holds what is prescribed."""
+    line, layout = system.line, system.layout
+    Z = Z.copy()
+    supports = [k for k, c in enumerate(line.contacts_and_wheels) if isinstance(c, Contact)]
+    distances = np.concatenate([[0.0], np.cumsum(chord_lengths(line))])  # of supports along the chords
+    sags = 4.0 * SAG * np.diff(distances)
+    Z[0, layout.s[supports]] = _guess_support_positions(line, distances)
+    points = np.array([c.point for c in line.supports])
+    for k in system.cars:
+        i = int(np.searchsorted(supports, k)) - 1
+        s = Z[0, layout.s[supports[i : i + 2]]]
+        _set_car_on_chord(system, k, Chord(s, points[i], points[i + 1] - points[i], sags[i]), Z)
+    return Z
+
+
+def _guess_support_positions(line: MovingLine, distances: Array) -> Array:
+    """s of the supports: the rope is spread over the chords evenly."""
+    kinds = [c.kind for c in line.supports]
+    length = line.rope.length or 0.0
+    begin, end = 0.0, distances[-1]
+    if "counterweight" not in kinds:
+        end = length
+    elif kinds[0] == "counterweight":
+        begin, end = length - distances[-1], length
+    return np.asarray(begin + (end - begin) * distances / distances[-1])
+
+
+def _set_car_on_chord(system: LineSines, k: int, chord: Chord, Z: Array) -> None:
+    """Set the contacts of a car in Z: by its x, or by its s."""
+    layout, front = system.layout, system.travel_contact[k]
+    s_0, s_1 = chord.s
+    if system.cars[k].car.drive_kind == "haul_x":
+        fraction = (Z[0, layout.x[front]] - chord.start[0]) / chord.direction[0]
+        Z[0, layout.s[front]] = s_0 + fraction * (s_1 - s_0)
+    else:
+        fraction = (Z[0, layout.s[front]] - s_0) / (s_1 - s_0)
+        Z[0, layout.x[front]] = chord.start[0] + fraction * chord.direction[0]
+    Z[0, layout.y[front]] = chord.y(fraction)
+    if front > k:
+        wheel = layout.wheels[front]
+        Z[0, layout.s[k]] = Z[0, layout.s[front]] - (wheel.arm[0] - layout.wheels[k].arm[0])
+        Z[0, wheel.pitch] = math.atan2(chord.direction[1], chord.direction[0])
+        Z[0, wheel.c] = Z[0, wheel.p] - rotate(wheel.arm, Z[0, wheel.pitch, None])
