@@ -31,7 +31,7 @@ class SystemOverPosition(System):
         self.n_dof = system.n_dof
         self.force_scale = system.force_scale
         self.force_floor = system.force_floor
-        at = self.motion.at
+        at = self.motion.position_with_rates
         self.phases = tuple((at(t0, k)[0], at(t1, k)[0]) for k, (t0, t1) in enumerate(system.phases))
         if any(at(t0, k)[1] <= 0.0 for k, (t0, _) in enumerate(system.phases) if k):
             raise ValueError("the mass stands still on its way: s_o cannot be the independent variable; use time")
