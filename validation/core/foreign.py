@@ -23,6 +23,7 @@ import numpy as np
 
 from cablefem.response import Array, MassPath, Response, write_csv
 from cablefem.scene import Scene
+from cablefem.scene.motion import Motion
 from validation.core import measures
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.ladder import Distance, Ladder, identity
@@ -68,12 +69,7 @@ class ForeignPath(MassPath):
             arrays = {k: np.asarray(x, dtype=float) for k, x in columns.items() if x is not None}
         except (TypeError, ValueError) as error:
             raise Refused(f"{name}: {error}") from None
-        shapes = {x.shape for x in arrays.values()}
-        if len(shapes) != 1 or len(*shapes) != 1:
-            raise Refused(f"{name}: {', '.join(arrays)} must be columns of one length, got shapes {sorted(shapes)}")
-        for k, array in arrays.items():
-            if not np.isfinite(array).all():
-                raise Refused(f"{name}: {k}[{int(np.argmin(np.isfinite(array)))}] is not a finite number")
+        _refuse_other_than_finite_columns(name, arrays)
         return cls.from_columns(name, scene, arrays)
 
     @classmethod
@@ -96,14 +92,25 @@ class ForeignPath(MassPath):
             raise Refused(f"{name}: {fault}") from None
 
     def write(self, file: Path) -> None:
+        """Write the known columns as a CSV file."""
         columns = {k: x for k in _COLUMNS if (x := getattr(self, k)) is not None}
         write_csv(file, ",".join(columns), np.stack(list(columns.values()), axis=1))
+
+
+def _refuse_other_than_finite_columns(name: str, arrays: dict[str, Array]) -> None:
+    """Raise Refused unless these are columns of one length, of finite numbers."""
+    shapes = {x.shape for x in arrays.values()}
+    if len(shapes) != 1 or len(*shapes) != 1:
+        raise Refused(f"{name}: {', '.join(arrays)} must be columns of one length, got shapes {sorted(shapes)}")
+    for column, array in arrays.items():
+        if not np.isfinite(array).all():
+            raise Refused(f"{name}: {column}[{int(np.argmin(np.isfinite(array)))}] is not a finite number")
 
 
 # --- reading --------------------------------------------------------------------------------------------------------
 
 
-def _column_names(l: float) -> dict[str, tuple[str, float]]:
+def _quantity_and_factor_by_column(l: float) -> dict[str, tuple[str, float]]:
     """Quantity and factor to SI, v and y down, of every name that a column may have on a cable of length l [m]."""
     names = {}
     for quantity, si in _COLUMNS.items():
@@ -119,11 +126,11 @@ def _column_names(l: float) -> dict[str, tuple[str, float]]:
 
 
 def _read_known_columns(file: Path, scene: Scene) -> tuple[dict[str, Array], list[str]]:
-    """The known columns of a file in SI, and the line of each row."""
-    names = _column_names(scene.length)
-    header, rows = _read_cells(file, names)
-    columns_by_index = {i: names[name] for i, name in enumerate(header) if name in names}
-    faults = ["no rows below the names of the columns"] if not rows else _name_faults(header, columns_by_index, scene)
+    """The known columns of a file in SI, and the line of each row; Refused with up to five faults."""
+    known = _quantity_and_factor_by_column(scene.length)
+    header, rows = _read_header_and_rows(file, known)
+    columns_by_index = {i: known[name] for i, name in enumerate(header) if name in known}
+    faults = ["no rows below the names of the columns"] if not rows else _header_faults(header, columns_by_index, scene)
     faults = faults or list(_cell_faults(header, columns_by_index, rows))
     if faults:
         more = [f"and {len(faults) - 5} more cells like these"] if len(faults) > 5 else []
@@ -135,8 +142,8 @@ def _read_known_columns(file: Path, scene: Scene) -> tuple[dict[str, Array], lis
     return columns, [f"line {n}" for n, _ in rows]
 
 
-def _read_cells(file: Path, names: Container[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Column names, and rows of cells with their numbers."""
+def _read_header_and_rows(file: Path, names: Container[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Names of the columns, and rows of cells with their line numbers; a comment with one of `names` is a header."""
     try:
         text = file.read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
@@ -151,11 +158,13 @@ def _read_cells(file: Path, names: Container[str]) -> tuple[list[str], list[tupl
     raise Refused(f"{file.name}: the file is empty")
 
 
-def _name_faults(header: list[str], columns_by_index: dict[int, tuple[str, float]], scene: Scene) -> list[str]:
+def _header_faults(header: list[str], columns_by_index: dict[int, tuple[str, float]], scene: Scene) -> list[str]:
+    """Two columns of one quantity, and quantities that are missing."""
     names: dict[str, list[str]] = {}
     for i, (quantity, _) in columns_by_index.items():
         names.setdefault(quantity, []).append(header[i])
-    faults = [f"columns {' and '.join(x)} both say {q}; leave one" for q, x in names.items() if len(x) > 1]
+    twice = {quantity: x for quantity, x in names.items() if len(x) > 1}
+    faults = [f"columns {' and '.join(x)} both say {quantity}; leave one" for quantity, x in twice.items()]
     have = f"it has {', '.join(header)}"
     if not {"v", "y"} & names.keys():
         faults.append(f"no column v (deflection of the mass [m], positive down); {have}")
@@ -164,7 +173,10 @@ def _name_faults(header: list[str], columns_by_index: dict[int, tuple[str, float
     return faults
 
 
-def _cell_faults(header: list[str], columns_by_index: dict[int, tuple[str, float]], rows: list[Any]) -> Iterator[str]:
+def _cell_faults(
+    header: list[str], columns_by_index: dict[int, tuple[str, float]], rows: list[tuple[int, list[str]]]
+) -> Iterator[str]:
+    """Rows of another length than the header, and cells that are no number; a tension may be unknown."""
     for n, row in rows:
         if len(row) != len(header):
             yield f"line {n}: {len(row)} cells under {len(header)} names of columns"
@@ -190,25 +202,25 @@ def _float_or_nan(cell: str) -> float:
 
 
 def _completed_columns(scene: Scene, columns: dict[str, Array], row_names: Sequence[str]) -> dict[str, Any]:
-    """All of t, s_o, x, y, u, v that follow from the given columns."""
+    """The given columns with all of t, s_o, x, y, u, v that follow from them; Refused where they are no path."""
     if scene.drive.mode == "free":
         if not ("t" in columns and columns.keys() & {"s_o", "x"} and columns.keys() & {"v", "y"}):
             raise Refused(f"a free ride needs t, s_o or x, and v or y; it has {', '.join(columns)}")
     elif scene.groups.motion is None:
         raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
-    _refuse_unordered("t" if "t" in columns else "s_o", columns, row_names)
-    x = _with_time_and_position(scene, columns)
+    _refuse_not_increasing("t" if "t" in columns else "s_o", columns, row_names)
+    x = _with_t_and_s_o(scene, columns)
     rest = {"x": scene.catenary.x(x["s_o"]), "y": scene.catenary.y(x["s_o"])}
-    for moved, at in (("u", "x"), ("v", "y")):
-        if moved in x:
-            x.setdefault(at, rest[at] + x[moved])
-        elif at in x:
-            x[moved] = x[at] - rest[at]
-    _refuse_sparse_positions(x["s_o"] / scene.length, *measures.WINDOWS[scene.drive.mode])
+    for displacement, coordinate in (("u", "x"), ("v", "y")):
+        if displacement in x:
+            x.setdefault(coordinate, rest[coordinate] + x[displacement])
+        elif coordinate in x:
+            x[displacement] = x[coordinate] - rest[coordinate]
+    _refuse_too_few_in_window(x["s_o"] / scene.length, *measures.WINDOWS[scene.drive.mode])
     return x
 
 
-def _refuse_unordered(name: str, columns: dict[str, Array], row_names: Sequence[str]) -> None:
+def _refuse_not_increasing(name: str, columns: dict[str, Array], row_names: Sequence[str]) -> None:
     """Raise Refused at the first row where the column t or s_o does not increase."""
     late = np.flatnonzero(np.diff(columns[name]) <= 0.0)
     if late.size:
@@ -222,17 +234,24 @@ def _refuse_unordered(name: str, columns: dict[str, Array], row_names: Sequence[
         )
 
 
-def _with_time_and_position(scene: Scene, columns: dict[str, Array]) -> dict[str, Array]:
-    """The columns with t and s_o, up to the end of the travel."""
-    motion = scene.groups.motion
+def _with_t_and_s_o(scene: Scene, columns: dict[str, Array]) -> dict[str, Array]:
+    """The columns with t and s_o: of a free ride s_o by x, of a prescribed travel one by the other."""
+    if scene.groups.motion is None:
+        l = scene.length
+        s = np.linspace(0.0, l, 2001)
+        s_o = columns.get("s_o")
+        if s_o is None:
+            s_o = np.interp(columns.get("x", s[:1]), scene.catenary.x(s), s)
+        _refuse_off_cable(s_o, float(s_o.max()), l)
+        return columns | {"s_o": s_o}
+    return _on_travel(scene, scene.groups.motion, columns)
+
+
+def _on_travel(scene: Scene, motion: Motion, columns: dict[str, Array]) -> dict[str, Array]:
+    """The columns with t and s_o by the scene's travel, up to its end; Refused if t and s_o are another travel."""
     l = scene.length
     tau = scene.time_scale
     x = dict(columns)
-    if motion is None:
-        s = np.linspace(0.0, l, 2001)
-        x.setdefault("s_o", np.interp(x.get("x", s[:1]), scene.catenary.x(s), s))
-        _refuse_off_cable(x["s_o"], float(x["s_o"].max()), l)
-        return x
     if "t" not in x:
         _refuse_off_cable(x["s_o"], float(x["s_o"][-1]), l)
         x["t"] = tau * motion.times_at_positions(np.clip(x["s_o"] / l, motion.start_position, motion.end))
@@ -252,12 +271,13 @@ def _with_time_and_position(scene: Scene, columns: dict[str, Array]) -> dict[str
 
 
 def _refuse_off_cable(s_o: Array, last: float, l: float) -> None:
+    """Raise Refused for positions before the cable, or whose last one is before the window or off the cable."""
     if s_o.min() < -TRAVEL_TOLERANCE * l or not WINDOW[0] < last / l <= 1.0 + TRAVEL_TOLERANCE:
         raise Refused(f"s_o runs from {s_o[0]:.6g} to {s_o[-1]:.6g} m on a cable of {l:.6g} m; {_ENDINGS}")
 
 
-def _refuse_sparse_positions(position: Array, low: float, high: float) -> None:
-    """Refuse places s_o/l of which too few lie in the window."""
+def _refuse_too_few_in_window(position: Array, low: float, high: float) -> None:
+    """Raise Refused for positions s_o/l of which too few lie in the window."""
     within = int(np.count_nonzero((position >= low) & (position <= high * (1.0 + 1e-12))))
     fewest = 5  # in the window
     if within < fewest:
@@ -273,22 +293,19 @@ def refuse_wrong_unit_or_direction(path: MassPath, ours: Response) -> None:
 
     ours : a run good to a few percent.
     """
-    of = "y" if ours.drive == "free" else "v"
+    column = "y" if ours.drive == "free" else "v"
     l = path.length
     try:
-        window = _common_window(path, measures.common_window(ours))
-        off = {
-            factor: measures.relative_path_gap(
-                with_zero_u(replace(path, **{of: factor * getattr(path, of)})), with_zero_u(ours), window
-            ).rms
-            for unit in (1.0, 1e-3, 1e3, l, 1.0 / l)
-            for factor in (unit, -unit)
-        }
+        window = _window_cut_to_path(path, measures.common_window(ours))
+        off = {}
+        for factor in (sign * unit for unit in (1.0, 1e-3, 1e3, l, 1.0 / l) for sign in (1.0, -1.0)):
+            changed = replace(path, **{column: factor * getattr(path, column)})
+            off[factor] = measures.relative_path_gap(with_zero_u(changed), with_zero_u(ours), window).rms
     except NotComparable:
         return
     best = min(off, key=off.__getitem__)
     if off[1.0] > 0.2 and off[best] < 0.1:
-        what = f"{of} points the other way" if best < 0.0 else f"{of} is in another unit"
+        what = f"{column} points the other way" if best < 0.0 else f"{column} is in another unit"
         raise Refused(
             f"{path.method}: {what}: it is off by {off[1.0]:.3g} times {ours.path_scale_name}, and by {off[best]:.2%} "
             f"if multiplied by {best:.6g} (l = {l:.6g} m); {_ENDINGS}"
@@ -296,11 +313,12 @@ def refuse_wrong_unit_or_direction(path: MassPath, ours: Response) -> None:
 
 
 def with_zero_u(r: Any) -> Any:
-    """A path with zero u, to compare with one that lacks u."""
+    """A path with zero u, and zero x, to compare with one that lacks u."""
     return replace(r, u=np.zeros_like(r.v), x=np.zeros_like(r.v))
 
 
-def _common_window(path: MassPath, window: Window) -> Window:
+def _window_cut_to_path(path: MassPath, window: Window) -> Window:
+    """The part of a window that a path covers, of a free ride all; NotComparable if it covers none."""
     if path.drive == "free":
         return window
     start = max(window[0], float(path.s_o[0] / path.length))
@@ -311,17 +329,22 @@ def _common_window(path: MassPath, window: Window) -> Window:
     return start, stop
 
 
-def mass_tension_rms_gap(first: Any, second: Any, window: Window, H: float) -> float:
+def mass_tension_rms_gap(a: Any, b: Any, window: Window, H: float) -> float:
     """Rms gap of both tensions at the mass over the window, over H."""
-    return measures.series_gap(
-        first, second, window, lambda r: np.stack([r.T_behind, r.T_ahead], axis=1) / (math.sqrt(2.0) * H)
-    )
+
+    def tensions_over_H(r: Any) -> Array:
+        return np.stack([r.T_behind, r.T_ahead], axis=1) / (math.sqrt(2.0) * H)
+
+    return measures.series_gap(a, b, window, tensions_over_H)
 
 
 def third_party_rows(
     path: ForeignPath | Response, ladder: Ladder, window: Window, with_tol: float
 ) -> Iterator[Agreement]:
-    """Compare a foreign path with a run; allowed is our bar plus `with_tol`.  It must cover the window."""
+    """Rows of a foreign path and our finest run; allowed is our bar plus `with_tol`.
+
+    Where the path does not cover the window, a row is not comparable.
+    """
     along, upright = ("x", "y") if ladder.finest.drive == "free" else ("u", "v")
     of_path = f"{along} and {upright}"
     if path.u is None:
@@ -331,12 +354,12 @@ def third_party_rows(
     other = path.method
     run = ladder.finest
     try:
-        part = _common_window(path, window)
+        part = _window_cut_to_path(path, window)
         where = measures.relative_path_gap(path, run, part).position
     except NotComparable as reason:
         yield Agreement("path_max", math.nan, no_bound(f"{other}: {reason}"), third_party=other)
         return
-    short = _covered_part(path, run, window)
+    covered = _partial_coverage_text(path, run, window)
     rows = []
     for name, (distance, components) in _distances_by_quantity(path, run, part, of_path).items():
         bars = (
@@ -344,8 +367,8 @@ def third_party_rows(
             BoundPart(f"allowed to {other}", with_tol),
         )
         bound = Bound("our error bar", bars, f"of {components}")
-        if short:
-            bound = no_bound(f"{other} covers {short}; there {bound.sum_or_nan:.2g} would be allowed")
+        if covered:
+            bound = no_bound(f"{other} covers {covered}; there {bound.sum_or_nan:.2g} would be allowed")
         rows.append(Agreement(name, distance(path, run), bound, where if name == "path_max" else None, other))
     yield from rows
 
@@ -376,18 +399,18 @@ def _distances_by_quantity(
     return distances
 
 
-def _covered_part(path: MassPath, run: Response, window: Window) -> str:
+def _partial_coverage_text(path: MassPath, run: Response, window: Window) -> str:
     """The part of the window that a path covers, if not all; else ""."""
     axis = "s_o/l"
-    at = path.s_o / path.length
-    wanted = window
+    rows = path.s_o / path.length
+    begin, end = window
     if run.drive == "free":
         axis = "t [s]"
-        at = path.t
-        wanted = (0.0, float(run.t[-1]))
-    step = TRAVEL_TOLERANCE * wanted[1] + float(np.diff(at).max())
-    low = max(wanted[0], float(at[0]))
-    high = min(wanted[1], float(at[-1]))
-    if low <= wanted[0] + step and high >= wanted[1] - step:
+        rows = path.t
+        begin, end = 0.0, float(run.t[-1])
+    step = TRAVEL_TOLERANCE * end + float(np.diff(rows).max())
+    low = max(begin, float(rows[0]))
+    high = min(end, float(rows[-1]))
+    if low <= begin + step and high >= end - step:
         return ""
-    return f"{axis} {low:.4g} to {high:.4g} of {wanted[0]:.4g} to {wanted[1]:.4g}"
+    return f"{axis} {low:.4g} to {high:.4g} of {begin:.4g} to {end:.4g}"

@@ -5,7 +5,7 @@ A limit within the bar is "too close to tell".
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,17 +21,17 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Value:
-    """A computed value with its bar, of what it holds; nan: unknown, and why."""
+class ValueWithBar:
+    """A computed value with its bar; nan: unknown, and why."""
 
     value: float
     bar: float = 0.0
-    of: str = ""
+    subject: str = ""  # the design number or obstacle that it belongs to
     why: str = ""
 
 
-def unknown_value(why: str) -> Value:
-    return Value(math.nan, why=why)
+def unknown_value(why: str) -> ValueWithBar:
+    return ValueWithBar(math.nan, why=why)
 
 
 def limit_rows(scene: Scene | Line, design: Sequence[Row], events: Sequence[Row] = ()) -> list[Row]:
@@ -48,7 +48,7 @@ def limit_rows(scene: Scene | Line, design: Sequence[Row], events: Sequence[Row]
         words, side, unit, _ = DEMANDS[rule["demand"]]
         for value in values.values_for_rule(rule):
             row = {
-                "demand": words.format(value.of), "source": rule["source"], "side": side, "limit": rule["limit"],
+                "demand": words.format(value.subject), "source": rule["source"], "side": side, "limit": rule["limit"],
                 "value": None if math.isnan(value.value) else value.value,
                 "bar": value.bar if math.isfinite(value.bar) else None, "unit": unit,
                 "verdict": _limit_verdict(value, rule["limit"], side),
@@ -60,7 +60,8 @@ def limit_rows(scene: Scene | Line, design: Sequence[Row], events: Sequence[Row]
     return out
 
 
-def _limit_verdict(value: Value, limit: float, side: str) -> str:
+def _limit_verdict(value: ValueWithBar, limit: float, side: str) -> str:
+    """Met, not met, too close to tell, or why it cannot be judged; side : "at least" or "at most"."""
     if math.isnan(value.value):
         return value.why if value.why.startswith("not computed") else f"cannot be judged: {value.why}"
     room = value.value - limit if side == "at least" else limit - value.value
@@ -69,8 +70,8 @@ def _limit_verdict(value: Value, limit: float, side: str) -> str:
     return MET if room >= 0.0 else NOT_MET
 
 
-def worst_row(rows: Sequence[Row]) -> Row | None:
-    """The first row that is not met, else that is too close, else that is met."""
+def worst_judged_row(rows: Sequence[Row]) -> Row | None:
+    """The first row that is not met, else that is too close, else that is met; None if none could be judged."""
     for verdict in (NOT_MET, TOO_CLOSE, MET):
         for row in rows:
             if row["verdict"] == verdict:
@@ -82,19 +83,19 @@ def worst_limit_columns(rows: Sequence[Row]) -> Row:
     """Columns of a table of scenes: the worst verdict, and its limit; none without limits."""
     if not rows:
         return {}
-    first = worst_row(rows)
-    if first is None:
+    worst = worst_judged_row(rows)
+    if worst is None:
         return {"limits_met": "cannot be judged", "limits_worst": rows[0]["demand"]}
-    return {"limits_met": first["verdict"], "limits_worst": f"{first['demand']} ({first['source']})"}
+    return {"limits_met": worst["verdict"], "limits_worst": f"{worst['demand']} ({worst['source']})"}
 
 
-def any_limit_fails(rows: Sequence[Row]) -> bool:
+def any_limit_not_surely_met(rows: Sequence[Row]) -> bool:
     """Whether a limit is not met, or too close to tell."""
     return any(row["verdict"] in (NOT_MET, TOO_CLOSE) for row in rows)
 
 
-def columns_fail(rows: Sequence[Row]) -> bool:
-    """The same of a table of scenes."""
+def any_scene_not_surely_within_limits(rows: Sequence[Row]) -> bool:
+    """Whether a row of a table of scenes has a limit that is not met, or too close to tell."""
     return any(row.get("limits_met") in (NOT_MET, TOO_CLOSE) for row in rows)
 
 
@@ -113,6 +114,7 @@ def scope_sentences(scene: Scene | Line) -> list[str]:
 
 
 def _drive_modes(scene: Scene | Line) -> set[str]:
+    """Drive modes of all cars; "rest" of a line at rest."""
     if isinstance(scene, Scene):
         return {scene.drive.mode}
     return {car.mode for car in scene.car} if scene.moves else {"rest"}
@@ -131,43 +133,48 @@ class _DemandedValues:
         self.at_rest = isinstance(scene, Line) and not scene.moves
         self.span = scene.supports.span if isinstance(scene, Scene) else _longest_span(scene)
 
-    def values_for_rule(self, rule: Row) -> list[Value]:
+    def values_for_rule(self, rule: Row) -> list[ValueWithBar]:
         """Values that a rule is for, one for each obstacle of a clearance; unknown ones say why."""
         demand = rule["demand"]
         if demand == "clearance":
-            return list(self._clearances(rule))
-        found = getattr(self, f"_{demand}", lambda: None)()
-        return [unknown_value(DEMANDS[demand][3]) if found is None else found]
+            return list(self._smallest_clearances(rule))
+        value = None
+        if demand in LARGEST:
+            value = self._largest(LARGEST[demand])
+        elif demand in SMALLEST:
+            value = self._smallest(SMALLEST[demand])
+        elif demand in COMPUTED:
+            value = COMPUTED[demand](self)
+        return [unknown_value(DEMANDS[demand][3]) if value is None else value]
 
-    def _numbers_of_kind(self, kind: str) -> list[Value]:
-        """Numbers of a kind; a line at rest is exact without a bar."""
+    def _numbers_of_kind(self, kind: str) -> list[ValueWithBar]:
+        """Design numbers of a kind; without a bar exact for a line at rest, else of an infinite one."""
         rows = [x for x in self.design if x["quantity"].partition(":")[0] == kind]
         default = 0.0 if self.at_rest else math.inf
-        return [Value(x["value"], default if x["bar"] is None else x["bar"], x["quantity"]) for x in rows]
+        return [ValueWithBar(x["value"], default if x["bar"] is None else x["bar"], x["quantity"]) for x in rows]
 
-    def _largest(self, kind: str) -> Value | None:
+    def _largest(self, kind: str) -> ValueWithBar | None:
         return max(self._numbers_of_kind(kind), key=lambda x: x.value, default=None)
 
-    def _smallest(self, kind: str) -> Value | None:
+    def _smallest(self, kind: str) -> ValueWithBar | None:
         return min(self._numbers_of_kind(kind), key=lambda x: x.value, default=None)
 
-    def _safety_factor(self) -> Value | None:
+    def safety_factor(self) -> ValueWithBar | None:
+        """Breaking load over largest tension."""
         load = self.scene.cable.breaking_load
-        return _ratio_with_bar(None if load is None else Value(load), self._largest("tension_max"))
+        return _ratio_with_bar(None if load is None else ValueWithBar(load), self._largest("tension_max"))
 
-    def _tension_over_contact(self) -> Value | None:
+    def tension_over_contact(self) -> ValueWithBar | None:
         """Smallest tension over largest contact force."""
         return _ratio_with_bar(self._smallest("tension_min"), self._largest("contact_max"))
 
-    def _tension_over_wheel(self) -> Value | None:
-        return self._smallest("tension_over_wheel_min")
-
-    def _sag_growth(self) -> Value | None:
+    def sag_growth(self) -> ValueWithBar | None:
+        """How much larger the largest sag at the car is in motion than at rest."""
         moving = self._largest("sag_car_max")
         growth = _ratio_with_bar(moving, self._largest("sag_car_rest"))
-        return None if growth is None else Value(growth.value - 1.0, growth.bar)
+        return None if growth is None else ValueWithBar(growth.value - 1.0, growth.bar)
 
-    def _swing_along(self) -> Value | None:
+    def swing_tangent(self) -> ValueWithBar | None:
         """Tangent of the largest swing of a cabin to either side."""
         largest = max(
             [*self._numbers_of_kind("swing_max"), *self._numbers_of_kind("swing_min")],
@@ -177,68 +184,73 @@ class _DemandedValues:
         if largest is None:
             return None
         tangent = math.tan(math.radians(abs(largest.value)))
-        return Value(tangent, math.radians(largest.bar) * (1.0 + tangent**2))
+        return ValueWithBar(tangent, math.radians(largest.bar) * (1.0 + tangent**2))
 
-    def _arrival_speed(self) -> Value | None:
+    def speed_at_brake_or_arrival(self) -> ValueWithBar | None:
+        """Speed at the first of these events."""
         event = next((x for x in self.events if x["event"] in ("brake", "arrival")), None)
         if event is None:
             return None
         bar = event.get("bar_speed")
-        return Value(event["speed"], math.inf if bar is None else bar)
+        return ValueWithBar(event["speed"], math.inf if bar is None else bar)
 
-    def _knee_empty(self) -> Value | None:
-        return self._smallest("knee_empty_min")
-
-    def _knee_loaded(self) -> Value | None:
-        inner = [x for x in self._numbers_of_kind("knee_max") if x.of != self._last_knee]
+    def largest_knee_before_last(self) -> ValueWithBar | None:
+        inner = [x for x in self._numbers_of_kind("knee_max") if x.subject != self._last_knee_quantity]
         return max(inner, key=lambda x: x.value, default=None)
 
-    def _knee_last(self) -> Value | None:
-        return next((x for x in self._numbers_of_kind("knee_max") if x.of == self._last_knee), None)
+    def last_knee(self) -> ValueWithBar | None:
+        return next((x for x in self._numbers_of_kind("knee_max") if x.subject == self._last_knee_quantity), None)
 
     @property
-    def _last_knee(self) -> str:
+    def _last_knee_quantity(self) -> str:
         return f"knee_max:{self.scene.contact[-2].name}" if isinstance(self.scene, Line) else ""
 
-    def _acceleration(self) -> Value | None:
-        return self._largest("acceleration_max")
-
-    def _deceleration(self) -> Value | None:
-        return self._largest("deceleration_max")
-
-    def _speed(self) -> Value | None:
-        return self._largest("speed_max")
-
-    def _clearances(self, rule: Row) -> Iterator[Value]:
+    def _smallest_clearances(self, rule: Row) -> Iterator[ValueWithBar]:
+        """The smallest clearance over each obstacle, and the ground, of the rule's kind; unknown where none is."""
         grounds = {o.name: o.kind for o in self.scene.obstacle}
         if self.scene.ground:
             grounds[GROUND] = self.limits.ground
         for name, kind in grounds.items():
             key = "limits.ground" if name == GROUND else f"obstacle.{name}.kind"
             if "kind" in rule and kind is None:
-                yield Value(math.nan, of=name, why=f"give {key}")
+                yield ValueWithBar(math.nan, subject=name, why=f"give {key}")
             elif rule.get("kind", kind) == kind:
-                yield min(
-                    self._clearances_over(name), key=lambda x: x.value, default=unknown_value(DEMANDS["clearance"][3])
-                )
+                unknown = unknown_value(DEMANDS["clearance"][3])
+                yield min(self._clearances_over(name), key=lambda x: x.value, default=unknown)
 
-    def _clearances_over(self, name: str) -> list[Value]:
+    def _clearances_over(self, name: str) -> list[ValueWithBar]:
         """Clearances over an obstacle or the ground, of rope and cars."""
-        out = []
+        clearances = []
         for kind in {x["quantity"].partition(":")[0] for x in self.design}:
             for value in self._numbers_of_kind(kind) if kind.startswith("clearance") else ():
-                if value.of.partition(":")[2].split(" over ")[-1] == name:
-                    out.append(Value(value.value, value.bar, name))
-        return out
+                if value.subject.partition(":")[2].split(" over ")[-1] == name:
+                    clearances.append(ValueWithBar(value.value, value.bar, name))
+        return clearances
 
 
-def _ratio_with_bar(above: Value | None, below: Value | None) -> Value | None:
-    if above is None or below is None:
+# demands and the kind of design number that answers them: its largest, its smallest, or a value computed from some
+LARGEST = {"acceleration": "acceleration_max", "deceleration": "deceleration_max", "speed": "speed_max"}
+SMALLEST = {"tension_over_wheel": "tension_over_wheel_min", "knee_empty": "knee_empty_min"}
+COMPUTED: dict[str, Callable[[_DemandedValues], ValueWithBar | None]] = {
+    "safety_factor": _DemandedValues.safety_factor,
+    "tension_over_contact": _DemandedValues.tension_over_contact,
+    "sag_growth": _DemandedValues.sag_growth,
+    "swing_along": _DemandedValues.swing_tangent,
+    "arrival_speed": _DemandedValues.speed_at_brake_or_arrival,
+    "knee_loaded": _DemandedValues.largest_knee_before_last,
+    "knee_last": _DemandedValues.last_knee,
+}
+
+
+def _ratio_with_bar(numerator: ValueWithBar | None, denominator: ValueWithBar | None) -> ValueWithBar | None:
+    """The ratio, with the bars of both; None if one is unknown."""
+    if numerator is None or denominator is None:
         return None
-    value = above.value / below.value
-    return Value(value, abs(above.bar / below.value) + abs(value * below.bar / below.value))
+    value = numerator.value / denominator.value
+    bar = abs(numerator.bar / denominator.value) + abs(value * denominator.bar / denominator.value)
+    return ValueWithBar(value, bar)
 
 
 def _longest_span(line: Line) -> float:
-    places = [contact.at[0] for contact in line.contact]
-    return max(b - a for a, b in itertools.pairwise(places))
+    x = [contact.at[0] for contact in line.contact]
+    return max(b - a for a, b in itertools.pairwise(x))
