@@ -10,10 +10,10 @@ from tests.validation.pairs import LEVEL, right
 from validation.core import recomputed
 from validation.core.agreement import DEFAULT_TOL, Verdict, worst_deciding_verdict
 from validation.core.measures import relative_path_gap
-from validation.core.rows import ALONG, AXIAL_MEAN, check_laws, compare, compare_answers, tolerance_of
+from validation.core.rows import ALONG, AXIAL_MEAN, compare, compare_answers, tolerance_of_kind, worse_law_rows
 from validation.core.running import run
 
-TOLERANCE = partial(tolerance_of, tol=DEFAULT_TOL, tol_tension=None)
+TOLERANCE = partial(tolerance_of_kind, tol=DEFAULT_TOL, tol_tension=None)
 
 
 def by_name(rows):
@@ -26,7 +26,7 @@ def rows(a, b, **kind):
 
 def between(a, b, tol=DEFAULT_TOL, tol_tension=None):
     """Rows of both answers, without laws."""
-    return by_name(compare_answers(LEVEL, a, b, partial(tolerance_of, tol=tol, tol_tension=tol_tension)))
+    return by_name(compare_answers(LEVEL, a, b, partial(tolerance_of_kind, tol=tol, tol_tension=tol_tension)))
 
 
 def verdict(found, quantity):
@@ -242,7 +242,7 @@ OF_BOTH = {
 
 @pytest.mark.parametrize("fault", OF_BOTH)
 def test_a_fault_of_both_wings_turns_a_law_and_the_verdict(fault):
-    found = list(check_laws(LEVEL, *(e.map(OF_BOTH[fault]) for e in right()), TOLERANCE))
+    found = list(worse_law_rows(LEVEL, *(e.map(OF_BOTH[fault]) for e in right()), TOLERANCE))
     assert worst_deciding_verdict(found) is Verdict.DISAGREE
 
 

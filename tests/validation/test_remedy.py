@@ -29,7 +29,7 @@ class Case:
     def rows(self, file, with_tol):
         path = ForeignPath.read(file, self.scene)
         rows = list(foreign.third_party_rows(path, self.both[0], self.window, with_tol))
-        return remedy.with_remedy(rows, path, self.scene, self.both, self.window, with_tol)
+        return remedy.with_remedy_note(rows, remedy.Remedies(path, self.scene, self.both, self.window, with_tol))
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,14 @@ from tests.scene.test_ride import ZIP
 from validation import check
 from validation.core.agreement import DEFAULT_TOL, Verdict, worst_deciding_verdict
 from validation.core.refine import run_with_error_bars
-from validation.core.rows import AXIAL_MEAN, compare, compare_answers, events_with_bars, tolerance_of, widened_events
+from validation.core.rows import (
+    AXIAL_MEAN,
+    compare,
+    compare_answers,
+    events_with_bars,
+    events_with_widened_bars,
+    tolerance_of_kind,
+)
 
 RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, force = 40.0}]\nend = {place = 45.0}")
 
@@ -31,7 +38,7 @@ def rows(found):
 
 def between(a, b):
     """Rows of both answers, without laws."""
-    return rows(compare_answers(RIDE, a, b, partial(tolerance_of, tol=DEFAULT_TOL, tol_tension=None)))
+    return rows(compare_answers(RIDE, a, b, partial(tolerance_of_kind, tol=DEFAULT_TOL, tol_tension=None)))
 
 
 def test_sines_tell_by_how_much_they_miss_the_start_of_a_car_close_to_its_support():
@@ -138,11 +145,11 @@ def test_bars_of_events_are_at_least_the_gap_to_the_other_solver():
     own = events_with_bars(a)
     other = events_with_bars(late)
     for events, others in ((own, other), (other, own)):
-        arrival = widened_events(events, others)[-1]
+        arrival = events_with_widened_bars(events, others)[-1]
         assert arrival["event"] == "arrival"
         assert arrival["bar_t"] == abs(own[-1]["t"] - other[-1]["t"]) > 0.9
         assert arrival["bar_speed"] >= abs(own[-1]["speed"] - other[-1]["speed"])
-    assert widened_events(own, []) == own
+    assert events_with_widened_bars(own, []) == own
 
 
 def test_a_light_rider_near_the_support_starts_at_rest_in_both_wings():

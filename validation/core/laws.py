@@ -143,7 +143,7 @@ class Law:
     defect: DefectOf
     concerns: Callable[[Evidence], bool]
     quantity: str  # of the row
-    tolerance_kind: str  # "rest" or "velocity" (`rows.tolerance_of`); "" if only shown
+    tolerance_kind: str  # "rest" or "velocity" (`rows.tolerance_of_kind`); "" if only shown
     exact: bool  # to rounding in every run
     at_start: bool  # of the point (x, y) at which the car starts
 

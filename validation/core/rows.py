@@ -62,35 +62,41 @@ def _gap_of_path(part: str) -> Gap:
     return lambda x, y, view: getattr(measures.relative_path_gap(x, y, view.window), part)
 
 
-def _series_values(names: tuple[str, ...], scale: float, r: Response) -> Array:
-    return np.concatenate([getattr(r, name).reshape(r.t.size, -1) for name in names], axis=1) / scale
+def _scaled_series(names: tuple[str, ...], scale: float, r: Response) -> Array:
+    """The named series of a run side by side (n, c), over the scale."""
+    columns = [getattr(r, name).reshape(r.t.size, -1) for name in names]
+    return np.concatenate(columns, axis=1) / scale
 
 
 def _gap_of_series(*names: str, over: str, mean: bool = False, largest: bool = False) -> Gap:
-    """The gap of series of a response, over a scale of the view; mean : over an axial round trip."""
+    """The rms (or largest) gap of series of a response.
+
+    over : the scale, a field of the view.  mean : of means over an axial round trip.
+    """
 
     def gap_of_runs(x: Response, y: Response, view: View) -> float:
         """Distance of the series of two runs."""
         scale = getattr(view, over)
         if over == "top_speed" and not scale:  # of a ride
             scale = float(y.speed.max())
-        of: Series = partial(_series_values, names, scale)
+        series: Series = partial(_scaled_series, names, scale)
         if "speed" in names and view.free:
-            of = partial(_until_stop, of)
-        return measures.series_gap(x, y, view.window, of, view.axial_round_trip if mean else 0.0, largest=largest)
+            series = partial(_values_until_stop, series)
+        averaging_time = view.axial_round_trip if mean else 0.0
+        return measures.series_gap(x, y, view.window, series, averaging_time, largest=largest)
 
     return gap_of_runs
 
 
-def _until_stop(of: Series, r: Response) -> Array:
+def _values_until_stop(series: Series, r: Response) -> Array:
     """Values (n, c) with nan past a lasting stop, whose time depends on axial waves."""
     stop = find_event("stop", r.events)
-    values = of(r)
+    values = series(r)
     return values if stop is None else np.where(r.t[:, None] <= stop["t"], values, math.nan)
 
 
-def _gap_of_fields(gap: Callable[..., float], **how: Any) -> Gap:
-    return lambda x, y, view: gap(x, y, view.window, **how)
+def _gap_of_fields(gap: Callable[..., float], **options: bool) -> Gap:
+    return lambda x, y, view: gap(x, y, view.window, **options)
 
 
 _rolls = attrgetter("rolls")
@@ -127,7 +133,7 @@ TABLE = (
 )
 
 
-def tolerance_of(kind: str, tol: float, tol_tension: float | None) -> float:
+def tolerance_of_kind(kind: str, tol: float, tol_tension: float | None) -> float:
     """The tolerance of a kind of quantity: "path", "force", "velocity", or any other."""
     if kind == "path":
         return tol
@@ -144,14 +150,14 @@ def compare(
 
     tol : of path, place and mean speed;  tol_tension : of mean forces, default ten times `tol`.
     """
-    tolerance = partial(tolerance_of, tol=tol, tol_tension=tol_tension)
-    return compare_answers(scene, a, b, tolerance) + check_laws(scene, a, b, tolerance)
+    tolerance = partial(tolerance_of_kind, tol=tol, tol_tension=tol_tension)
+    return compare_answers(scene, a, b, tolerance) + worse_law_rows(scene, a, b, tolerance)
 
 
 def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list[Agreement]:
-    """The rows that compare two answers;  tolerance : of a kind of quantity, as `tolerance_of`."""
+    """The rows that compare two answers;  tolerance : of a kind of quantity, as `tolerance_of_kind`."""
     full = View.of_scene(scene).cut_where_mass_outruns_waves(a.finest, b.finest)
-    rows = list(independence_rows(a.finest, b.finest))
+    rows = list(missing_independence_rows(a.finest, b.finest))
     try:
         view = full.cut_to_valid_range(a.finest, b.finest)
     except NotComparable as why:
@@ -159,18 +165,18 @@ def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) ->
     a = a.only_runs_covering(view)
     b = b.only_runs_covering(view)
     for quantity in TABLE:
-        if quantity.concerns(view) and all(_is_known(quantity, x.finest, view) for x in (a, b)):
+        if quantity.concerns(view) and all(_gap_is_known(quantity, x.finest, view) for x in (a, b)):
             rows.append(_quantity_row(quantity, a, b, view, tolerance(quantity.tolerance_kind)))
     if view.free:
         for event in EVENTS:
             rows += _event_rows(event, a, b, tolerance("rest"))
-    rows += _range_rows(a, b, view, full, tolerance("rest"))
+    rows += _incomplete_range_rows(a, b, view, full, tolerance("rest"))
     rows.append(_slack_onset_row(a, b, full, tolerance("rest")))
     rows += _path_past_slack_rows(a, b, view, tolerance("rest"))
     return rows
 
 
-def check_laws(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list[Agreement]:
+def worse_law_rows(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list[Agreement]:
     """The rows of laws of mechanics, each of the answer that keeps it worse; none if there is nothing to compare."""
     from validation.core import laws  # loaded while solvers run
 
@@ -179,26 +185,31 @@ def check_laws(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list
     except NotComparable:
         return []
     ladders = a.only_runs_covering(view), b.only_runs_covering(view)
-    return list(_worse_of(row for x in ladders for row in laws.law_rows_in_si(x, view.window, view.until, tolerance)))
+    rows: list[Agreement] = []
+    for ladder in ladders:
+        rows += laws.law_rows_in_si(ladder, view.window, view.until, tolerance)
+    return list(_worse_row_of_each_kind(rows))
 
 
 def worst_force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
-    """The mean force with the largest bar, and what is asked of it at a path tolerance."""
-    required = tolerance_of("force", tol, None)
+    """The bar of the mean force that most exceeds what is asked of forces at a path tolerance `tol`."""
+    required = tolerance_of_kind("force", tol, None)
     worst = Goal((0.0, 0.0), required, FIRST)
     try:
         view = View.of_scene(scene).cut_to_valid_range(ladder.finest)
     except NotComparable:
         return worst
-    over = ladder.only_runs_covering(view)
+    ladder = ladder.only_runs_covering(view)
     for quantity in TABLE:
-        if quantity.tolerance_kind == "force" and quantity.concerns(view) and _is_known(quantity, over.finest, view):
-            parts = over.bars_in_space_and_time(identity, partial(_gap_in_view, quantity, view))
+        is_force = quantity.tolerance_kind == "force" and quantity.concerns(view)
+        if is_force and _gap_is_known(quantity, ladder.finest, view):
+            parts = ladder.bars_in_space_and_time(identity, partial(_gap_in_view, quantity, view))
             worst = max(worst, Goal(parts, required, FIRST), key=lambda goal: goal.bar_over_target)
     return worst
 
 
-def _is_known(quantity: Quantity, r: Response, view: View) -> bool:
+def _gap_is_known(quantity: Quantity, r: Response, view: View) -> bool:
+    """Whether a run has the quantity in the view; paths count as known, so that their row says why not."""
     try:
         quantity.gap(r, r, view)
     except NotComparable:
@@ -206,47 +217,44 @@ def _is_known(quantity: Quantity, r: Response, view: View) -> bool:
     return True
 
 
-def _gap_in_view(quantity: Quantity, view: View, x: Response, y: Response) -> float:
-    return quantity.gap(y, x, view)
+def _gap_in_view(quantity: Quantity, view: View, fine: Response, coarse: Response) -> float:
+    return quantity.gap(coarse, fine, view)
 
 
 def _quantity_row(quantity: Quantity, a: Ladder, b: Ladder, view: View, required: float) -> Agreement:
+    gap = partial(_gap_in_view, quantity, view)
     try:
-        row = _functional_row(
-            quantity.name, a, b, required, identity, partial(_gap_in_view, quantity, view), quantity.order
-        )
+        row = _functional_row(quantity.name, a, b, required, identity, gap, quantity.order)
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, no_bound(why), law=quantity.law)
-    where = (
-        measures.relative_path_gap(a.finest, b.finest, view.window).position if quantity.name == "path_max" else None
-    )
+    where = None
+    if quantity.name == "path_max":
+        where = measures.relative_path_gap(a.finest, b.finest, view.window).position
     return replace(row, law=quantity.law, decides=bool(quantity.tolerance_kind), where=where)
 
 
 def _functional_row(
-    name: str,
-    a: Ladder,
-    b: Ladder,
-    required: float,
-    of: Functional,
-    distance: Distance = max_distance,
+    name: str, a: Ladder, b: Ladder, required: float, functional: Functional, distance: Distance = max_distance,
     order: float = 1.0,
-) -> Agreement:
-    gap = distance(of(b.finest), of(a.finest))
-    return _row_with_bars(name, gap, a, b, [x.bars_in_space_and_time(of, distance, order) for x in (a, b)], required)
+) -> Agreement:  # fmt: skip
+    """The distance of a functional of both runs, with its bars;  order : the most credited."""
+    gap = distance(functional(b.finest), functional(a.finest))
+    parts = [ladder.bars_in_space_and_time(functional, distance, order) for ladder in (a, b)]
+    return _row_with_bars(name, gap, a, b, parts, required)
 
 
 def _row_with_bars(
     name: str, gap: float, a: Ladder, b: Ladder, parts: list[tuple[float, float]], required: float
 ) -> Agreement:
+    """parts : of both ladders' bars, in space and time."""
     bars = []
     for x, in_space_and_time in zip((a, b), parts, strict=True):
         bars.append(BoundPart(x.finest.method, max(ROUNDING, sum(in_space_and_time)), "coarser runs"))
     return Agreement(name, gap, Bound("error bars", tuple(bars)), required=required, parts=tuple(parts))
 
 
-def independence_rows(a: Response, b: Response) -> Iterator[Agreement]:
-    """A row if two answers share a wing or their numbers."""
+def missing_independence_rows(a: Response, b: Response) -> Iterator[Agreement]:
+    """A row if two answers share a wing, and one if they share their numbers."""
     ours = [METHODS[r.method] for r in (a, b) if r.method in METHODS]
     wings = {method.wing for method in ours}
     if len(wings) == 1 and len(ours) == 2:
@@ -258,42 +266,45 @@ def independence_rows(a: Response, b: Response) -> Iterator[Agreement]:
 # --- events and slack -----------------------------------------------------------------------------------------------
 
 
-def find_event(event: str, events: Sequence[Event], after: int = 0) -> Event | None:
-    """An event, number `after` of its kind, or None."""
+def find_event(event: str, events: Sequence[Event], index: int = 0) -> Event | None:
+    """An event by its kind and its index among those of its kind, or None."""
     of_kind = [x for x in events if x["event"] == event]
-    return of_kind[after] if after < len(of_kind) else None
+    return of_kind[index] if index < len(of_kind) else None
 
 
 def _numbered_events(events: Sequence[Event]) -> Iterator[tuple[Event, int]]:
-    """Each event and its number among those of its kind."""
+    """Each event and its index among those of its kind."""
     counts: Counter[str] = Counter()
     for event in events:
         yield event, counts[event["event"]]
         counts[event["event"]] += 1
 
 
-def _event_value(event: str, name: str, scale: float, r: Response, after: int = 0) -> float:
-    found = find_event(event, r.events, after)
-    if found is None:
+def _scaled_event_value(event: str, name: str, scale: float, r: Response, index: int = 0) -> float:
+    """An entry of an event over a scale.  Raises NotComparable where the run has no such event."""
+    row = find_event(event, r.events, index)
+    if row is None:
         raise NotComparable(f"{r.method} has no {event}")
-    return float(found[name]) / scale
+    return float(row[name]) / scale
 
 
 def _event_rows(event: str, a: Ladder, b: Ladder, required: float) -> Iterator[Agreement]:
+    """Rows of its time and speed, or one that only one run has it; none past a slack onset."""
     runs = a.finest, b.finest
     both = [find_event(event, r.events) for r in runs]
     instants = [x["t"] for x in both if x is not None]
     if not instants or min(instants) > min(r.slack_time_or_inf for r in runs):
         return
     if len(instants) < 2:
-        bars = [(x.yes_no_bar(lambda r: find_event(event, r.events) is not None), 0.0) for x in (a, b)]
-        yield replace(_row_with_bars("events", 1.0, a, b, bars, required), law=event)
+        bars = [x.yes_no_bar(lambda r: find_event(event, r.events) is not None) for x in (a, b)]
+        yield replace(_row_with_bars("events", 1.0, a, b, [(bar, 0.0) for bar in bars], required), law=event)
         return
     scales = {"t": ("time", float(runs[1].t[-1])), "speed": ("speed", float(runs[1].speed.max()))}
     if event in ("stop", "turn"):
         del scales["speed"]
     for name, (what, scale) in scales.items():
-        row = _functional_row("events", a, b, required, partial(_event_value, event, name, scale))
+        value = partial(_scaled_event_value, event, name, scale)
+        row = _functional_row("events", a, b, required, value)
         yield replace(row, law=f"{event}: {what}")
 
 
@@ -303,20 +314,20 @@ EVENT_BARS = {"t": "bar_t", "s_o": "bar_s_o", "speed": "bar_speed"}
 def events_with_bars(ladder: Ladder) -> list[Event]:
     """A run's events with bars bar_t [s], bar_s_o [m], bar_speed [m/s]; None if unknown."""
     barred = []
-    for event, after in _numbered_events(ladder.finest.events):
+    for event, index in _numbered_events(ladder.finest.events):
         bars = {}
         for name, bar in EVENT_BARS.items():
-            value = partial(_event_value, event["event"], name, 1.0, after=after)
+            value = partial(_scaled_event_value, event["event"], name, 1.0, index=index)
             bars[bar] = nulls_for_nonfinite(ladder.bar(value, order=FIRST))
         barred.append(event | bars)
     return barred
 
 
-def widened_events(events: Sequence[Event], others: Sequence[Event]) -> list[Event]:
+def events_with_widened_bars(events: Sequence[Event], others: Sequence[Event]) -> list[Event]:
     """Events with bars of at least the gap to the same event of the other solver."""
     widened = []
-    for event, after in _numbered_events(events):
-        other = find_event(event["event"], others, after)
+    for event, index in _numbered_events(events):
+        other = find_event(event["event"], others, index)
         bars = {}
         for name, bar in EVENT_BARS.items():
             if other is not None and event[bar] is not None:
@@ -325,7 +336,7 @@ def widened_events(events: Sequence[Event], others: Sequence[Event]) -> list[Eve
     return widened
 
 
-def quasi_static_rows(a: Ladder, quasi_static: list[Event], required: float) -> Iterator[Agreement]:
+def quasi_static_event_rows(a: Ladder, quasi_static: list[Event], required: float) -> Iterator[Agreement]:
     """Shown rows of events of the full and the quasi-static ride: time over duration, speed over top speed."""
     scales = {"t": ("time", float(a.finest.t[-1])), "speed": ("speed", float(a.finest.speed.max()))}
     for event in EVENTS[:3]:
@@ -346,7 +357,7 @@ def quasi_static_rows(a: Ladder, quasi_static: list[Event], required: float) -> 
 
 
 def _slack_onset_row(a: Ladder, b: Ladder, full: View, required: float) -> Agreement:
-    """Distance of both answers where the first cable goes slack; no slack counts as the window's end.
+    """Row of the distance of both answers where the first cable goes slack; no slack counts as the window's end.
 
     Smallest tensions so far, over H, are falling curves over s_o/l; see `scene_data.ordinate_on_unit_slope`.
     """
@@ -368,7 +379,7 @@ def _slack_onset_row(a: Ladder, b: Ladder, full: View, required: float) -> Agree
     return replace(_functional_row("slack_onset", a, b, required, crossing_ordinate), where=first)
 
 
-def _range_rows(a: Ladder, b: Ladder, view: View, full: View, required: float) -> Iterator[Agreement]:
+def _incomplete_range_rows(a: Ladder, b: Ladder, view: View, full: View, required: float) -> Iterator[Agreement]:
     """A row if an answer breaks before the window ends or the other goes slack."""
     runs = a.finest, b.finest
     missing = 0.0
@@ -377,7 +388,8 @@ def _range_rows(a: Ladder, b: Ladder, view: View, full: View, required: float) -
     elif any(r.status != "complete" and r.slack_onset is None for r in runs):
         missing = max(0.0, 1.0 - view.until / max(float(r.t[-1]) for r in runs))
     if missing > 1e-6:
-        yield replace(_row_with_bars("range", missing, a, b, [(math.inf, 0.0)] * 2, required), where=view.window[1])
+        unknown = [(math.inf, 0.0)] * 2
+        yield replace(_row_with_bars("range", missing, a, b, unknown, required), where=view.window[1])
 
 
 def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> Iterator[Agreement]:
@@ -391,7 +403,8 @@ def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> 
     positions = np.linspace(onset, end, 200)[1:-1]  # s_o/l, (n,)
 
     def largest_so_far(x: Response, y: Response) -> Array:
-        return np.maximum.accumulate(np.nan_to_num(trust.relative_path_distances_at(x, y, positions), nan=math.inf))
+        distances = trust.relative_path_distances_at(x, y, positions)
+        return np.maximum.accumulate(np.nan_to_num(distances, nan=math.inf))
 
     bars = [np.broadcast_to(x.bar(identity, largest_so_far, FIRST), positions.shape) for x in (a, b)]
     allowed = bars[0] + bars[1]
@@ -406,19 +419,19 @@ def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> 
 # --- an answer and mechanics ----------------------------------------------------------------------------------------
 
 
-def recheck_outputs(scene: Scene, a: Response, b: Response) -> Iterator[Agreement]:
-    """Check what both runs print against its second computation."""
+def worse_recomputed_rows(scene: Scene, a: Response, b: Response) -> Iterator[Agreement]:
+    """Rows of what both runs print against its second computation, of each kind the worse one."""
     from validation.core import recomputed
     from validation.core.answers import outcome_of_run
 
-    pairs = (a, b), (b, a)
-    return _worse_of(
-        row for r, counterpart in pairs for row in recomputed.recomputed_rows(r, counterpart, outcome_of_run(scene, r))
-    )
+    rows: list[Agreement] = []
+    for r, counterpart in ((a, b), (b, a)):
+        rows += recomputed.recomputed_rows(r, counterpart, outcome_of_run(scene, r))
+    return _worse_row_of_each_kind(rows)
 
 
-def _worse_of(rows: Iterable[Agreement]) -> Iterator[Agreement]:
-    """Of each kind of row the one with the worse verdict, else the one nearer its bound."""
+def _worse_row_of_each_kind(rows: Iterable[Agreement]) -> Iterator[Agreement]:
+    """The one with the worse verdict, else the one nearer its bound."""
     worst: dict[tuple[str, str], Agreement] = {}
     for row in rows:
         key = row.quantity, row.law
@@ -427,11 +440,14 @@ def _worse_of(rows: Iterable[Agreement]) -> Iterator[Agreement]:
 
 
 def _badness(row: Agreement) -> tuple[bool, float]:
-    return row.gap > FACTOR_DISAGREE * row.allowed, row.gap / row.allowed if row.allowed > 0.0 else 0.0
+    """Whether it disagrees, and its gap over the bound."""
+    disagrees = row.gap > FACTOR_DISAGREE * row.allowed
+    return disagrees, row.gap / row.allowed if row.allowed > 0.0 else 0.0
 
 
 # --- doubts ---------------------------------------------------------------------------------------------------------
 
 
 def doubt_flags(*runs: Response) -> list[tuple[str, Flag]]:
+    """Flags of bars that may be too small, each with the method of its run."""
     return [(r.method, f) for r in runs for f in r.flags if f.kind in DOUBTS]

@@ -36,7 +36,7 @@ from validation.core.methods import METHODS, find_method
 from validation.core.order import FIRST
 from validation.core.quasi_static import Statics, quasi_static
 from validation.core.refine import BUDGET, Gap, TooCoarse, bar_parts_of_gap, refine_to_tolerance, refine_until_goal_met
-from validation.core.rows import tolerance_of
+from validation.core.rows import tolerance_of_kind
 from validation.core.running import run
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.view import View
@@ -71,7 +71,7 @@ OF = {"grip": ("path", "tension"), "free": ("timetable", "path", "tension"), "ha
 def required_tolerances(scene: Scene, tol: float) -> dict[str, float]:
     """The tolerance of each need of a scene, from that of the path."""
     needs = OF[scene.drive.mode]
-    return {need: tolerance_of("force" if need in FORCES else "path", tol, None) for need in needs}
+    return {need: tolerance_of_kind("force" if need in FORCES else "path", tol, None) for need in needs}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -38,16 +38,16 @@ from validation.core.refine import (
     refine_to_tolerance,
     run_with_error_bars,
 )
-from validation.core.remedy import with_remedy
+from validation.core.remedy import Remedies, with_remedy_note
 from validation.core.rows import (
-    check_laws,
     compare_answers,
     doubt_flags,
     events_with_bars,
-    quasi_static_rows,
-    recheck_outputs,
-    tolerance_of,
-    widened_events,
+    events_with_widened_bars,
+    quasi_static_event_rows,
+    tolerance_of_kind,
+    worse_law_rows,
+    worse_recomputed_rows,
 )
 from validation.core.sidebyside import Progress, no_progress, run_in_parallel
 from validation.core.store import Refused
@@ -161,11 +161,11 @@ def check(
     sides = _methods_with_tolerance_shares((scene, second or scene), methods, tol, until)
     (first, other), rows = _refine_and_compare(scene, sides, tol, tol_tension, ask, progress)
     own = _with_design_and_events(first, other), _with_design_and_events(other, first)
-    rows += design_gap_rows(*own, tolerance_of("rest", tol, tol_tension))
+    rows += design_gap_rows(*own, tolerance_of_kind("rest", tol, tol_tension))
     a, b = (_with_widened_bars(x, counterpart, rows) for x, counterpart in (own, own[::-1]))
     static = quasi_static_events_with_bars(scene, a.finest.max_deflection)
-    rows += quasi_static_rows(a, static, tolerance_of("rest", tol, tol_tension))
-    rows += mark_deciding_rows(recheck_outputs(scene, a.finest, b.finest), ask)
+    rows += quasi_static_event_rows(a, static, tolerance_of_kind("rest", tol, tol_tension))
+    rows += mark_deciding_rows(worse_recomputed_rows(scene, a.finest, b.finest), ask)
     if deep:
         from validation.commands.check import deep as third
 
@@ -247,7 +247,7 @@ def _refine_and_compare(
 ) -> tuple[list[Ladder], list[Agreement]]:
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
     jobs: list[Callable[[Progress], Any]] = [side.refine_within_budget for side in sides]
-    tolerance = partial(tolerance_of, tol=tol, tol_tension=tol_tension)
+    tolerance = partial(tolerance_of_kind, tol=tol, tol_tension=tol_tension)
     confirmed = False
     toml = scene.to_toml()
     while True:
@@ -257,7 +257,7 @@ def _refine_and_compare(
         rows = mark_deciding_rows(compare_answers(scene, first, second, tolerance), ask)
         finer = _finer_settings_of_sides(sides, ladders, rows, confirmed)
         if not any(finer):  # laws need not be checked on runs that are refined anyway
-            rows += mark_deciding_rows(check_laws(scene, first, second, tolerance), ask)
+            rows += mark_deciding_rows(worse_law_rows(scene, first, second, tolerance), ask)
             finer = _finer_settings_of_sides(sides, ladders, rows, confirmed)
         if not any(finer):
             return ladders, rows
@@ -343,7 +343,7 @@ def _with_widened_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement
 
     run = replace(
         ladder.finest, design=widen_bars_to_gaps(ladder.finest.design, counterpart.finest.design),
-        events=widened_events(ladder.finest.events, counterpart.finest.events),
+        events=events_with_widened_bars(ladder.finest.events, counterpart.finest.events),
         path_error=at_least(ladder.finest.path_error, "path_max"),
         tension_error=at_least(ladder.finest.tension_error, "tension"),
     )  # fmt: skip
@@ -355,7 +355,7 @@ def with_third_party(check: Check, path: ForeignPath | Response, with_tol: float
     best = min((check.a, check.b), key=lambda ladder: path_bar_of_run(ladder.finest))
     rows = list(foreign.third_party_rows(path, best, check.window, with_tol))
     if isinstance(path, ForeignPath):
-        rows = with_remedy(rows, path, check.scene, (check.a, check.b), check.window, with_tol)
+        rows = with_remedy_note(rows, Remedies(path, check.scene, (check.a, check.b), check.window, with_tol))
     return replace(check, rows=[*check.rows, *rows])
 
 
