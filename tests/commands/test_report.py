@@ -17,7 +17,7 @@ STUDIES = {
     "advise": ("adequacy", "advise", ["advise", "level", "--tol", "1e-2"], "level"),
     "chart": ("workprecision", "chart", ["chart", "level"], "level"),
     "atlas": ("stability", "atlas", ["atlas"], "atlas"),
-    "oracles": ("exactness", "oracle_table", ["oracles"], "oracles"),
+    "oracles": ("exactness", "write_oracle_table", ["oracles"], "oracles"),
     "paper": ("claims", "paper", ["paper"], "paper"),
 }
 

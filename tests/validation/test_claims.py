@@ -30,7 +30,7 @@ def quantity(value, bar=0.0, paper=None, **entry):
     """Return one quantity as claims.toml would have it."""
     names = {"level": value, "reference": {"level": Told(bar)}, "runs": {}, "printed": paper}
     entry |= {} if paper is None else {"paper": "printed"}
-    (found,) = judged.claim_quantities({"name": "x", "value": "level", "of": ["level"], **entry}, MEANING, names)
+    (found,) = judged.quantity_rows({"name": "x", "value": "level", "of": ["level"], **entry}, MEANING, names)
     return found
 
 
@@ -75,10 +75,10 @@ def test_a_range_in_words():
 def test_keys_are_a_quantity_each_and_other_choices_are_the_bar():
     names = {"x": {"v": 0.2, "y + v": 0.4}, "runs": {"a": 3.0, "b": 3.5}, "reference": {}}
     entry = {"name": "{{ key }} at {{ x['v']|d(2) }}", "value": "x[key]", "keys": ["v", "y + v"], "at_most": 0.3}
-    found = list(judged.claim_quantities(entry, MEANING, names))
+    found = list(judged.quantity_rows(entry, MEANING, names))
     assert [q["name"] for q in found] == ["v at 0.20", "y + v at 0.20"]
     assert [claim_verdict([q]) for q in found] == [HOLDS, FAILS]
-    (q,) = judged.claim_quantities(
+    (q,) = judged.quantity_rows(
         {"name": "n", "value": "2 * r", "r": "a", "others": ["b", 2.9], "at_most": 1}, {}, names
     )
     assert (q["converged"], q["uncertainty"]) == (6.0, 1.0)
@@ -120,9 +120,9 @@ def test_a_ripple_of_known_size_is_found_and_none_where_there_is_none(level):
     assert abs(measured.tension_ripple(wavy) / rms - (1.0 - left)) < 0.02
     assert abs(measured.tension_error(wavy, flat) / rms - 1.0) < 0.02
     assert abs(np.median(measured.tension_unevenness(wavy)) / rms - 1.0) < 0.02
-    assert abs(measured.mean_tension_extremes_along_cable(wavy) - 62.0) < 2.0
+    assert abs(measured.mean_count_of_tension_extremes(wavy) - 62.0) < 2.0
     assert measured.tension_ripple(flat) < 1e-12
-    assert measured.tension_error(flat, flat) == measured.mean_tension_extremes_along_cable(flat) == 0.0
+    assert measured.tension_error(flat, flat) == measured.mean_count_of_tension_extremes(flat) == 0.0
 
 
 def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says(level):
@@ -132,10 +132,10 @@ def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says
     string = dataclasses.replace(
         level, fields=dataclasses.replace(level.fields, T_pointwise=np.full_like(level.fields.T, H))
     )
-    assert abs(measured.front_meeting_position(string) - 2.0 * V / (1.0 + V)) < 1e-4
+    assert abs(measured.reflected_front_meeting_position(string) - 2.0 * V / (1.0 + V)) < 1e-4
     twice = np.full_like(level.fields.T, 2.0 * H)
     tight = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T_pointwise=twice))
-    assert measured.front_meeting_position(tight) < 0.5
+    assert measured.reflected_front_meeting_position(tight) < 0.5
 
 
 def test_the_overshoot_of_plain_sines_does_not_shrink_and_is_gone_with_the_kink():
@@ -154,8 +154,8 @@ def test_the_overshoot_of_plain_sines_does_not_shrink_and_is_gone_with_the_kink(
 @pytest.mark.slow
 def test_the_trapezoidal_rule_gains_energy_where_the_energy_rule_keeps_it():
     groups = Scene.load("level").groups
-    assert vibration.max_energy_ratio(groups, 12) > 10.0
-    assert abs(vibration.max_energy_ratio(groups, 80) - 1.0) < 2e-3
+    assert vibration.max_free_vibration_energy(groups, 12) > 10.0
+    assert abs(vibration.max_free_vibration_energy(groups, 80) - 1.0) < 2e-3
 
 
 # --- the study ------------------------------------------------------------------------------------------------------
@@ -223,7 +223,7 @@ def test_the_paper_redone(tmp_path):
     assert all(f'id="claim-{i}"' in text for i in found)
     assert "Dynamics of an Elastic Cable Carrying a Moving Mass Particle" in text
     silent = lambda *told: None  # noqa: E731
-    again = runs.all_runs(tmp_path, silent)
-    beyond = known.claim_numbers(again, tmp_path / "numbers.jsonl", silent)
-    assert judged.judged_claims(known.claim_names(again, beyond)) == content["claims"]
+    again = runs.make_or_load_runs(tmp_path, silent)
+    beyond = known.compute_or_load_numbers(again, tmp_path / "numbers.jsonl", silent)
+    assert judged.judged_claims(known.expression_variables(again, beyond)) == content["claims"]
     assert tuple(content["count"]) == judged.VERDICTS

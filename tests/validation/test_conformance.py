@@ -135,7 +135,7 @@ def test_a_cell_of_the_atlas(name):
         "steps": 100,
     }
     drawn = {"name": "mine", "scene": {}, "methods": [[name, settings]]}
-    (cell,) = atlas.cells_at(drawn, 100.0, 4.0)
+    (cell,) = atlas.compute_cells_at(drawn, 100.0, 4.0)
     assert cell["class"] in ("good", "poor", "wrong")
     assert (name in dict(atlas.methods_of_map(atlas.MAPS["map"][0]))) == (find_method(name).atlas_settings is not None)
 

@@ -36,7 +36,7 @@ def test_a_file_in_the_folder_is_all_that_an_oracle_needs(tmp_path, monkeypatch)
     monkeypatch.setattr(oracles, "__path__", [*oracles.__path__, str(tmp_path)])
     (task,) = [t for t in exactness.all_tasks() if t.oracle == "brought-along"]
     monkeypatch.setattr(exactness, "all_tasks", lambda: [task])
-    assert exactness.oracle_table(tmp_path)["verdict"] == "agree"
+    assert exactness.write_oracle_table(tmp_path)["verdict"] == "agree"
     html = "".join(str(s.html) for s in page.sections(tmp_path))
     assert all(word in html for word in ("brought-along", "A new group", "a source", "first three"))
 
@@ -86,7 +86,7 @@ def test_a_row_that_breaks_is_a_row_and_neither_sound_nor_a_comparison_that_must
     wrong = EVERY["moving-mass", "the paper's mass and speed, g (1 + V²)", "fixed-p1-naive"]
     monkeypatch.setattr(exactness, "all_tasks", lambda: [sound, wrong])
     monkeypatch.setattr(exactness, "SOLVERS", Silent())
-    content = exactness.oracle_table(tmp_path)
+    content = exactness.write_oracle_table(tmp_path)
     assert content["verdict"] == "disagree"
     assert [(row["verdict"], row["expected"]) for row in content["rows"]] == [
         ("failed", "agree"),
@@ -126,7 +126,7 @@ def few(monkeypatch):
 def test_the_table_is_written_and_goes_on_where_it_stopped(few, tmp_path):
     _, calls = few
     progress = []
-    content = exactness.oracle_table(tmp_path, lambda label, done: progress.append((label, done)))
+    content = exactness.write_oracle_table(tmp_path, lambda label, done: progress.append((label, done)))
     assert content == json.loads((tmp_path / "oracles.json").read_text())
     assert content["verdict"] == "agree"
     assert content["rows"][1]["observed_order"] is None
@@ -135,7 +135,7 @@ def test_the_table_is_written_and_goes_on_where_it_stopped(few, tmp_path):
     first = few[0][0]
     (tmp_path / exactness.ROWS).write_text(json.dumps([json.dumps(first.key), content["rows"][0]]))
     calls.clear()
-    assert exactness.oracle_table(tmp_path)["verdict"] == "agree"
+    assert exactness.write_oracle_table(tmp_path)["verdict"] == "agree"
     assert calls == ["second"]
 
 
@@ -143,14 +143,14 @@ def test_one_row_that_is_not_as_it_should_be_spoils_the_verdict(few, tmp_path, m
     tasks, _ = few
     failing = SimpleNamespace(key=tasks[1].key, compute=lambda: tasks[1].compute() | {"expected": "agree"})
     monkeypatch.setattr(exactness, "all_tasks", lambda: [tasks[0], failing])
-    assert exactness.oracle_table(tmp_path)["verdict"] == "disagree"
+    assert exactness.write_oracle_table(tmp_path)["verdict"] == "disagree"
     first = page.sections(tmp_path)[0]
     assert first.verdict == "disagree"
     assert "second" in first.summary
 
 
 def test_the_page_shows_every_row_and_escapes_it(few, tmp_path):
-    exactness.oracle_table(tmp_path)
+    exactness.write_oracle_table(tmp_path)
     found = page.sections(tmp_path)
     html = "".join(str(s.html) for s in found)
     assert found[0].verdict == "agree"
@@ -160,7 +160,7 @@ def test_the_page_shows_every_row_and_escapes_it(few, tmp_path):
 
 
 def test_errors_are_drawn_for_a_case_of_all_methods_and_not_for_whatever_is_first_of_a_small_part(few, tmp_path):
-    content = exactness.oracle_table(tmp_path)
+    content = exactness.write_oracle_table(tmp_path)
     assert "<svg" not in page.sections(tmp_path)[0].html
     row = content["rows"][0]
     rows = [row | {"method": method} for method in METHODS]

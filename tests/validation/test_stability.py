@@ -14,7 +14,7 @@ from cablefem import Scene
 from cablefem.newmark import StepFailure
 from cablefem.response import Response
 from validation.commands.atlas import page as pages
-from validation.commands.atlas.catalogue import CATALOGUE, condition_holds, run_row
+from validation.commands.atlas.catalogue import CATALOGUE, condition_holds, measure_failure_and_remedy
 from validation.commands.atlas.study import CELLS, atlas, judged_cell
 from validation.commands.sweep.job import response_faults
 from validation.core import measures
@@ -197,7 +197,7 @@ DEAR = (  # two seconds and more; `cablefem atlas` runs all
     "row", [pytest.param(row, id=row["name"], marks=[pytest.mark.slow] * (row["name"] in DEAR)) for row in CATALOGUE]
 )
 def test_failure_shows_and_its_remedy_works(row):
-    found = run_row(row)
+    found = measure_failure_and_remedy(row)
     assert found["failure_shown"], found["failure"]
     assert found["remedy_works"], found["cure"]
     # the conditions can fail: each with the other's numbers, where they are numbers of the same kind

@@ -184,21 +184,24 @@ def test_seconds_at_an_error_follow_the_power_law_between_the_best_dots():
 
 def test_the_front_holds_what_nothing_else_beats():
     rows = rows_at([(1.0, 1e-1), (2.0, 2e-1), (3.0, 1e-2), (3.0, 5e-2)]) + rows_at([(0.5, 1e-3)], kind="model")
-    assert front.our_best_rows(rows, "path") == [rows[0], rows[2]]
+    assert front.our_pareto_rows(rows, "path") == [rows[0], rows[2]]
 
 
 def test_ratios_to_other_codes_are_at_equal_error():
     rows = rows_at([(0.01, 1e-2), (0.1, 1e-4)]) + rows_at([(2.0, 1e-2), (50.0, 1e-3)], "b", "peer")
-    at = front.fastest_methods(rows, 1e-3)
+    at = front.fastest_methods_at_error(rows, 1e-3)
     assert at["series"] == "a"
     assert at["tension"] == {"series": "a", "seconds": pytest.approx(0.01), "cut": False}  # at its coarsest already
     assert at["seconds"] == pytest.approx(0.01 * math.sqrt(10.0))
     assert at["peers"]["b"]["ratio"] == pytest.approx(50.0 / (0.01 * math.sqrt(10.0)))
-    beyond = front.fastest_methods(rows, 1e-4)["peers"]["b"]
+    beyond = front.fastest_methods_at_error(rows, 1e-4)["peers"]["b"]
     assert beyond["ratio"] is None
     assert beyond["reason"] == "comes to 0.1 % at best"
     cut = [*rows, rows[-1] | {"status": "not run", "path_error": None}]  # a budget that ended before the ladder did
-    assert front.fastest_methods(cut, 1e-4)["peers"]["b"]["reason"] == "comes to 0.1 % within the time it was given"
+    assert (
+        front.fastest_methods_at_error(cut, 1e-4)["peers"]["b"]["reason"]
+        == "comes to 0.1 % within the time it was given"
+    )
 
 
 def test_another_code_runs_the_travel_up_to_the_end_of_the_window():
@@ -219,7 +222,7 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
     usual = find_method(study.BASE).settings_for_scene(ride.groups, {})["scheme"]  # a line of its own already
     assert not {f"scheme {usual}"} & set(lines)
     for name, why in {"fixed-p1-path": "rolls", "model string": "rolls", "opensees": "grips", "exudyn": None}.items():
-        found = study._refusal(ride, lines[name])
+        found = study._refusal_reason(ride, lines[name])
         assert found is None if why is None else why in found
     truth, r = (run(ride, "following-p2", elements=n, steps=steps) for n, steps in ((8, 400), (4, 150)))
     known = study._Reference(truth, measures.common_window(truth), {})
@@ -227,7 +230,7 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
     assert known.status_and_errors(0.5, "it broke", dict) == {"status": "failed", "reason": "it broke"}
     l, tau = ride.length, ride.time_scale
     path = PeerPath(r.s_o / l, r.u / l, r.v / l, r.t / tau, 1.0, "")
-    ours = known.run_errors(r)["path_error"]
+    ours = known.response_errors(r)["path_error"]
     assert known.peer_path_errors(path, ride)["path_error"] == pytest.approx(ours, rel=1e-6)
     late = replace(path, t=1.01 * path.t)
     assert known.peer_path_errors(late, ride)["path_error"] > 10.0 * ours
@@ -236,7 +239,7 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
 # --- cost ------------------------------------------------------------------------------------------------------------
 def test_what_an_iteration_costs_is_measured_beside_a_bare_banded_solve():
     """Ratios of seconds are for `cablefem chart`, on a quiet machine; here only what is measured."""
-    found = cost.implicit_floor(LEVEL, repeats=1)
+    found = cost.iteration_cost_over_bare_solve(LEVEL, repeats=1)
     assert found["n_dof"] == 78
     assert found["ratio"] == pytest.approx(found["iteration"] / found["bare_solve"])
     assert found["run_ratio"] == pytest.approx(found["run_iteration"] / found["bare_solve"])

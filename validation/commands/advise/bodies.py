@@ -34,7 +34,7 @@ def advise(line: Line, tol: float, out: Path, report: Progress = no_progress) ->
     runs: list[LineRuns] = []
     for model in ("rigid", "point"):
         report("bodies and points", 0.5 * len(runs))
-        runs.append(LineRuns(ELEMENTS, _line_with_model(line, model), runs[0] if runs else None))
+        runs.append(LineRuns(ELEMENTS, _line_with_wheel_model(line, model), runs[0] if runs else None))
     body, point = (x.run(2, 2) for x in runs)
     scales = reference_scales(line, body)
     allowed = {"path": tol * scales.path, "tension": FORCES * tol * scales.tension}
@@ -59,7 +59,7 @@ def advise(line: Line, tol: float, out: Path, report: Progress = no_progress) ->
     return content
 
 
-def _line_with_model(line: Line, model: str) -> Line:
+def _line_with_wheel_model(line: Line, model: str) -> Line:
     """The line whose wheels have a model; a point has no cabin, and no thrust at an angle."""
     changes: dict[str, Any] = {}
     for car in line.car:

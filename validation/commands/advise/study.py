@@ -48,27 +48,27 @@ POSITIONS = np.linspace(0.0, 1.0, 101)  # s_o/l of drawn paths
 LADDER = (*itertools.product(("string", "sagged", "stretching"), ("force", "mass")), ("full", "mass"))
 
 
-def _relative_gap(name: str, a: Response, b: Response, view: View, axial: float = 0.0) -> float:
+def _relative_series_gap(name: str, a: Response, b: Response, view: View, axial: float = 0.0) -> float:
     gap = series_gap(a, b, view.window, attrgetter(name), axial, largest=True)
     return gap / float(np.nanmax(np.abs(getattr(b, name))))
 
 
 def _timetable_gap(a: Response, b: Response, view: View) -> float:
     position = series_gap(a, b, view.window, attrgetter("s_o"), largest=True) / b.length
-    return max(position, _relative_gap("speed", a, b, view))
+    return max(position, _relative_series_gap("speed", a, b, view))
 
 
 FORCES = ("tension", "haul force")
 # need -> distance of two runs, and the largest order credited
 NEEDS: dict[str, tuple[Gap, float]] = {
-    "timetable": (_timetable_gap, math.inf), "path": (partial(_relative_gap, "v"), math.inf),
+    "timetable": (_timetable_gap, math.inf), "path": (partial(_relative_series_gap, "v"), math.inf),
     "tension": (lambda a, b, view: rms_tension_gap(a, b, view.window), 1.0),
-    "haul force": (lambda a, b, view: _relative_gap("F_haul", a, b, view, view.axial_round_trip), 1.0),
+    "haul force": (lambda a, b, view: _relative_series_gap("F_haul", a, b, view, view.axial_round_trip), 1.0),
 }  # fmt: skip
 OF = {"grip": ("path", "tension"), "free": ("timetable", "path", "tension"), "haul": ("path", "tension", "haul force")}
 
 
-def required_tolerances(scene: Scene, tol: float) -> dict[str, float]:
+def tolerances_by_need(scene: Scene, tol: float) -> dict[str, float]:
     """The tolerance of each need of a scene, from that of the path."""
     needs = OF[scene.drive.mode]
     return {need: tolerance_of_kind("force" if need in FORCES else "path", tol, None) for need in needs}
@@ -116,7 +116,7 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = no_progress) 
     if not (math.isfinite(tol) and 0.0 < tol < 1.0):
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
     file = out / "advice.json"
-    stored = store.read_json_with_entries(file, scene_toml=scene.to_toml(), asked=required_tolerances(scene, tol))
+    stored = store.read_json_with_entries(file, scene_toml=scene.to_toml(), asked=tolerances_by_need(scene, tol))
     if stored:
         return stored
     content = advice(scene, tol, report)
@@ -126,9 +126,9 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = no_progress) 
 
 def advice(scene: Scene, tol: float, report: Progress = no_progress) -> dict[str, Any]:
     """The content of advice.json: the cheapest run that meets the tolerance, and all that was compared with it."""
-    tolerances = required_tolerances(scene, tol)
+    tolerances = tolerances_by_need(scene, tol)
     view = View.of_scene(scene)
-    ladder = _full_ladder(scene, view, tol, tolerances, report)
+    ladder = _refine_full_model(scene, view, tol, tolerances, report)
     full = ladder.finest
     bars = {need: sum(bar_parts_of_gap(ladder, view, *NEEDS[need])) for need in tolerances}
     rungs = [Rung("full", "mass", full.seconds, bars, full)]
@@ -161,7 +161,7 @@ def _wheelbase_at_tolerance(r: Response, tol: float) -> float:
     return float(4.0 * tol * np.nanmax(np.abs(r.v)) / np.nanmax(kink))
 
 
-def _full_ladder(scene: Scene, view: View, tol: float, tolerances: dict[str, float], report: Progress) -> Ladder:
+def _refine_full_model(scene: Scene, view: View, tol: float, tolerances: dict[str, float], report: Progress) -> Ladder:
     """The full model, as fine as tolerance and budget allow."""
     progress = partial(report, "full model")
     budget = SHARE * BUDGET

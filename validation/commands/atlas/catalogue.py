@@ -16,7 +16,7 @@ from galerkin.equations import GalerkinSystem
 from validation.commands.atlas import specimens
 from validation.commands.modes.study import scaled_cable_frequencies
 from validation.commands.paper import measured
-from validation.commands.paper.vibration import free_vibration_energy
+from validation.commands.paper.vibration import relative_free_vibration_energy
 from validation.core import measures, running, store
 from validation.core.trust import convergence_limit, max_path_gap_past_slack
 from validation.core.watch import MAX_GAIN
@@ -28,7 +28,7 @@ Groups = dict[str, float]  # of the level scene, changed
 CATALOGUE: tuple[Row, ...] = tuple(store.read_packaged_toml(__package__, "catalogue.toml")["row"])
 
 
-def run_row(row: Row) -> Row:
+def measure_failure_and_remedy(row: Row) -> Row:
     """A row's words, what was measured, and whether failure and remedy showed."""
     failure = _evaluate_all(row["shows"])
     cure = _evaluate_all(row["cures"])
@@ -59,11 +59,11 @@ def level_scene(**groups: float) -> Scene:
 
 def run_on_level(method: str, scene: Groups | None = None, **how: Any) -> Response:
     """Run a method, or one with a planted fault, on the level scene."""
-    return _cached_run(json.dumps([method, scene or {}, how]))
+    return _run_of_json_key(json.dumps([method, scene or {}, how]))
 
 
 @cache
-def _cached_run(key: str) -> Response:
+def _run_of_json_key(key: str) -> Response:
     method, scene, how = json.loads(key)
     return running.run(level_scene(**scene), specimens.PLANTED.get(method, method), **how)
 
@@ -95,16 +95,16 @@ def tension_ripple(method: str, **how: Any) -> float:
 
 
 @cache
-def vibration_energy(scheme: str) -> Array:
+def vibration_energy_history(scheme: str) -> Array:
     """The energy of a free cable over that at the start, at every step, in the second mode."""
     large: dict[str, Any] = {"terms": 30, "speed": 0.1, "sine": 2, "dt": 0.04, "steps": 200}
-    return free_vibration_energy(level_scene().groups, newmark.scheme(scheme), **large)
+    return relative_free_vibration_energy(level_scene().groups, newmark.scheme(scheme), **large)
 
 
-def remaining_energy(scheme: str, **how: float) -> float:
+def remaining_vibration_energy(scheme: str, **how: float) -> float:
     """Remaining energy of a vibration small enough to be linear."""
     small: dict[str, Any] = {"terms": 16, "speed": 1e-3, "sine": 2, "dt": 0.05, "steps": 600}
-    energy = free_vibration_energy(level_scene().groups, newmark.scheme(scheme, **how), **small)
+    energy = relative_free_vibration_energy(level_scene().groups, newmark.scheme(scheme, **how), **small)
     return energy[-1] / energy[100]  # without the axial waves of the start
 
 
@@ -119,7 +119,7 @@ def slack_path_gap(a: Response, b: Response, last: float = 1.0) -> float:
     return max_path_gap_past_slack(a, b, min(a.reached, b.reached, last))
 
 
-def entry_error(**finer: float) -> float:
+def light_mass_entry_error(**finer: float) -> float:
     """The path error of a light mass just after the entry; finer : settings for its layer."""
     light = {"mu": 0.01}
     r = run_on_level("following-p2", light, elements=8, steps=400, **finer)
@@ -151,7 +151,7 @@ def frozen_growth_factor(terms: int) -> float:
     """Growth over the crossing, by eigenvalues of the system frozen at instants."""
     system = GalerkinSystem(level_scene().groups, Fourier(terms))
     end = system.phases[-1][1]
-    rate = max(specimens.frozen_growth(system, x * end) for x in (0.1, 0.5, 0.9))
+    rate = max(specimens.frozen_growth_rate(system, x * end) for x in (0.1, 0.5, 0.9))
     return float(np.exp(end * rate))
 
 
@@ -165,8 +165,8 @@ def explicit_step_count(terms: int, factor: float) -> int:
 
 
 _FUNCTIONS = (
-    run_on_level, path_gap, path_error, energy_gain, tension_ripple, vibration_energy, remaining_energy,
-    frequency_error, slack_path_gap, entry_error, compression_onset, stiff_cable_runs, taut_tension_gap,
+    run_on_level, path_gap, path_error, energy_gain, tension_ripple, vibration_energy_history, remaining_vibration_energy,
+    frequency_error, slack_path_gap, light_mass_entry_error, compression_onset, stiff_cable_runs, taut_tension_gap,
     frozen_growth_factor, explicit_step_count, convergence_limit,
 )  # fmt: skip
 MEASURES: dict[str, Any] = {f.__name__: f for f in _FUNCTIONS} | {"most_gain": MAX_GAIN}

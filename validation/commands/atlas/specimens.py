@@ -19,7 +19,7 @@ def frozen_matrices(system: GalerkinSystem, t: float) -> Any:
     return [system.tangent(t, q, 0, *factors) for factors in ((0, 0, 1.0), (0, 1.0, 0), (1.0, 0, 0))]
 
 
-def frozen_growth(system: GalerkinSystem, t: float) -> float:
+def frozen_growth_rate(system: GalerkinSystem, t: float) -> float:
     """Largest growth rate Re lambda of the system of `frozen_matrices`."""
     M, C, K = frozen_matrices(system, t)
     n = system.n_dof
@@ -28,7 +28,7 @@ def frozen_growth(system: GalerkinSystem, t: float) -> float:
     return float(eigvals(A).real.max())
 
 
-def _system_without(*terms: str) -> type[GalerkinSystem]:
+def _system_without_inertia_terms(*terms: str) -> type[GalerkinSystem]:
     """FAULT: the acceleration of the mass without terms (22), (23) of the travel; f_v : 2 ds_o w.'."""
 
     class Faulty(GalerkinSystem):
@@ -61,7 +61,7 @@ def method_with_fault(method: str, fault: type[GalerkinSystem]) -> Method:
 
 
 PLANTED = {
-    "no Coriolis": method_with_fault("fourier", _system_without("f_v")),
-    "no convection": method_with_fault("fourier", _system_without("f_v", "f_q")),
+    "no Coriolis": method_with_fault("fourier", _system_without_inertia_terms("f_v")),
+    "no convection": method_with_fault("fourier", _system_without_inertia_terms("f_v", "f_q")),
     "resting start": method_with_fault("fourier-kink", _RestingStart),
 }  # fmt: skip

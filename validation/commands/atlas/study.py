@@ -50,7 +50,7 @@ def settings_of_cell(m: Map, x: float, y: float, method: str, fixed: dict[str, A
     return {**fixed, "steps": round(x), space.setting: space.value_for_unknowns(y)}
 
 
-def map_label(method: str, fixed: dict[str, Any]) -> str:
+def method_label(method: str, fixed: dict[str, Any]) -> str:
     """The name of a method's map, with its scheme if it has one."""
     return f"{method}, {fixed['scheme']}" if "scheme" in fixed else method
 
@@ -65,7 +65,7 @@ def atlas(
     verdict of the result : whether every failure of the catalogue shows, and its remedy works.
     """
     if quick:
-        maps = [_every_fifth_value(m) for m in maps]
+        maps = [_with_every_fifth_value(m) for m in maps]
         rows = rows[::5]
     jobs = _jobs_by_key(maps, rows)
     results = store.compute_and_store_missing(out / CELLS, jobs, lambda job: job(), partial(progress, "atlas"))
@@ -80,14 +80,14 @@ def atlas(
     as_described = all(row["verdict"] == "agree" for row in catalogue_rows)
     content = {
         "verdict": "agree" if as_described else "disagree",
-        "maps": [m | {"methods": [map_label(*x) for x in methods_of_map(m)]} for m in maps],
+        "maps": [m | {"methods": [method_label(*x) for x in methods_of_map(m)]} for m in maps],
         "good": MAPS["good"], "wrong": MAPS["wrong"], "cells": cells_of_maps, "catalogue": catalogue_rows,
     }  # fmt: skip
     write_json(out / RESULT, content)
     return content
 
 
-def _every_fifth_value(m: Map) -> Map:
+def _with_every_fifth_value(m: Map) -> Map:
     return m | {axis: m[axis] | {"values": m[axis]["values"][1::5]} for axis in "xy"}
 
 
@@ -97,8 +97,8 @@ def _jobs_by_key(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str
         for x in m["x"]["values"]:
             for y in m["y"]["values"]:
                 used = [(name, settings_of_cell(m, x, y, name, fixed)) for name, fixed in methods_of_map(m)]
-                jobs[_job_key("cell", m["name"], x, y, used, MAPS["reference"])] = partial(cells_at, m, x, y)
-    jobs |= {_job_key("row", row["name"]): partial(catalogue.run_row, row) for row in rows}
+                jobs[_job_key("cell", m["name"], x, y, used, MAPS["reference"])] = partial(compute_cells_at, m, x, y)
+    jobs |= {_job_key("row", row["name"]): partial(catalogue.measure_failure_and_remedy, row) for row in rows}
     return jobs
 
 
@@ -107,7 +107,7 @@ def _job_key(*what: Any) -> str:
 
 
 @lru_cache(maxsize=2)
-def _reference_run(toml: str) -> tuple[Response, float]:
+def _reference_run_with_error(toml: str) -> tuple[Response, float]:
     """The run to compare with, and its error."""
     scene = Scene.from_toml(toml)
     settings = find_method("following-p2").complete_settings(MAPS["reference"])
@@ -121,9 +121,9 @@ def _reference_run(toml: str) -> tuple[Response, float]:
         return fine, math.inf
 
 
-def cells_at(m: Map, x: float, y: float) -> list[dict[str, Any]]:
+def compute_cells_at(m: Map, x: float, y: float) -> list[dict[str, Any]]:
     """The cells of all methods at a point of a map."""
-    out = [{"map": m["name"], "x": x, "y": y, "method": map_label(*method)} for method in methods_of_map(m)]
+    out = [{"map": m["name"], "x": x, "y": y, "method": method_label(*method)} for method in methods_of_map(m)]
     try:
         scene = scene_of_cell(m, x, y)
     except ValueError as error:
@@ -131,7 +131,7 @@ def cells_at(m: Map, x: float, y: float) -> list[dict[str, Any]]:
         return [cell | none | {"class": "no scene", "reason": str(error)} for cell in out]
     for cell, (name, fixed) in zip(out, methods_of_map(m), strict=True):
         cell["settings"] = settings_of_cell(m, x, y, name, fixed)
-        cell |= judged_cell(run(scene, name, **cell["settings"]), *_reference_run(scene.to_toml()))
+        cell |= judged_cell(run(scene, name, **cell["settings"]), *_reference_run_with_error(scene.to_toml()))
     return out
 
 

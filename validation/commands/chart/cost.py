@@ -10,7 +10,9 @@ from cablefem import newmark
 from cablefem.scene import Scene
 
 
-def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeats: int = 9) -> dict[str, Any]:
+def iteration_cost_over_bare_solve(
+    scene: Scene, *, elements: int = 10, steps: int = 480, repeats: int = 9
+) -> dict[str, Any]:
     """Cost of an iteration of following-p2 over LAPACK's bare banded solve of the same size, medians.
 
     iteration : tangent, factors and solution;  run : a run's seconds per Newton iteration.

@@ -9,7 +9,7 @@ Row = dict[str, Any]
 OURS = ("method", "integrator")  # full cable
 
 
-def best_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
+def pareto_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
     """Rows that no other one beats in work and error."""
     error = f"{quantity}_error"
     out: list[Row] = []
@@ -20,8 +20,8 @@ def best_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list
     return out
 
 
-def our_best_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
-    return best_rows([r for r in rows if r["kind"] in OURS], quantity, work)
+def our_pareto_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
+    return pareto_rows([r for r in rows if r["kind"] in OURS], quantity, work)
 
 
 def seconds_at_error(rows: list[Row], error: float, quantity: str = "path") -> float | None:
@@ -29,14 +29,14 @@ def seconds_at_error(rows: list[Row], error: float, quantity: str = "path") -> f
 
     None where no row reaches it; of a better coarsest row, its seconds.
     """
-    best = best_rows(rows, quantity)
+    best = pareto_rows(rows, quantity)
     if not best or best[-1][f"{quantity}_error"] > error:
         return None
     seconds, errors = (np.log([r[name] for r in best]) for name in ("seconds", f"{quantity}_error"))
     return float(np.exp(np.interp(-np.log(error), -errors, seconds)))
 
 
-def fastest_methods(rows: list[Row], error: float) -> Row:
+def fastest_methods_at_error(rows: list[Row], error: float) -> Row:
     """The fastest method for an error of path and of tension, and each peer's time (path)."""
     of = {name: [r for r in rows if r["series"] == name] for name in dict.fromkeys(r["series"] for r in rows)}
     full = {name: x for name, x in of.items() if x[0]["kind"] in OURS}
@@ -47,7 +47,7 @@ def fastest_methods(rows: list[Row], error: float) -> Row:
         return {"series": name or None, "seconds": at.get(name), "cut": any(map(cut_by_budget, full.values()))}
 
     path = fastest_series("path")
-    peers = {name: _peer_seconds(x, error, path["seconds"]) for name, x in of.items() if x[0]["kind"] == "peer"}
+    peers = {name: _peer_seconds_row(x, error, path["seconds"]) for name, x in of.items() if x[0]["kind"] == "peer"}
     return {"error": error, **path, "tension": fastest_series("tension"), "peers": peers}
 
 
@@ -56,7 +56,7 @@ def cut_by_budget(rows: list[Row]) -> bool:
     return any(r["status"] == "not run" for r in rows)
 
 
-def _peer_seconds(rows: list[Row], error: float, ours: float | None) -> Row:
+def _peer_seconds_row(rows: list[Row], error: float, ours: float | None) -> Row:
     """Seconds of another code at an error, over ours, or why there are none."""
     at = seconds_at_error(rows, error)
     reason = None

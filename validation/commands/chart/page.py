@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from matplotlib.transforms import Bbox
 
-from validation.commands.chart.front import OURS, Row, best_rows, our_best_rows
+from validation.commands.chart.front import OURS, Row, our_pareto_rows, pareto_rows
 from validation.core import store
 from validation.core.methods import METHODS
 from validation.page.figures import DASHES, MARKERS, PALETTE, captioned_figure, figure_with_axes, report_style
@@ -27,7 +27,7 @@ def sections(folder: Path) -> list[Section]:
     chart = store.read_json(folder / "chart.json")
     return render_sections(
         __package__, chart=chart, free=chart.get("drive") == "free", fastest=chart.get("fastest", []),
-        front=our_best_rows, charts=partial(_work_precision_charts, chart), without_dot=_failed_runs(chart),
+        front=our_pareto_rows, charts=partial(_work_precision_charts, chart), without_dot=_failed_rows_by_series(chart),
     )  # fmt: skip
 
 
@@ -73,7 +73,7 @@ def draw_work_precision(
     error = f"{quantity}_error"
     fig, ax = figure_with_axes(height=4.4)
     dots = _rows_with_dots(chart, quantity, work)
-    best = our_best_rows(dots, quantity, work)
+    best = our_pareto_rows(dots, quantity, work)
     ax.plot(*_columns(best, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)
     ends: list[tuple[Row, str, int]] = []
     for i, (name, rows) in enumerate(lines.items()):
@@ -81,7 +81,7 @@ def draw_work_precision(
         marker = MARKERS[i % len(MARKERS)]
         dash = DASHES[i % len(DASHES)]
         ax.plot(*_columns(rows, work, error), marker, color=colour, alpha=0.25, markersize=3.5, zorder=2)
-        best = best_rows(rows, quantity, work)
+        best = pareto_rows(rows, quantity, work)
         ax.plot(*_columns(best, work, error), marker=marker, color=colour, linestyle=dash, label=name, zorder=3)
         ends += [(best[k], colour, 1 if k == 0 else -1) for k in dict.fromkeys((0, len(best) - 1))]
     _set_axes(ax, [r[work] for r in dots], [r[error] for r in dots], chart["reference"].get(error))
@@ -132,7 +132,7 @@ def _write_label(ax: Axes, text: str, at: tuple[float, float], colour: str, up: 
     taken.append(box)
 
 
-def _failed_runs(chart: dict[str, Any]) -> list[Row]:
+def _failed_rows_by_series(chart: dict[str, Any]) -> list[Row]:
     """The runs without a dot: one row per line of the chart and status."""
     grouped: dict[tuple[str, str], list[Row]] = {}
     for r in chart["rows"]:

@@ -29,8 +29,8 @@ from cablefem import newmark
 from cablefem.newmark import SCHEMES
 from cablefem.response import Response, write_json, write_text
 from cablefem.scene import Groups, Scene
-from validation.commands.chart.cost import implicit_floor
-from validation.commands.chart.front import Row, fastest_methods
+from validation.commands.chart.cost import iteration_cost_over_bare_solve
+from validation.commands.chart.front import Row, fastest_methods_at_error
 from validation.core import measures, store
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS, Method, scaled_settings
@@ -71,7 +71,7 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
     path = out / "chart.json"
     before = store.read_json_with_entries(path, scene_toml=scene.to_toml())
     report("reference", 0.0)
-    truth = _Reference.of(scene, before.get("reference"))
+    truth = _Reference.compute(scene, before.get("reference"))
     rows: list[Row] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
     todo = list(chart_series(scene.groups))
     content = {
@@ -82,14 +82,14 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
     for i, series in enumerate(todo):
         report(series.name, 0.05 + 0.85 * i / len(todo))
         share = (6.0 if series.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
-        rows += _missing_rows(scene, series, truth, rows, repeats, share)
+        rows += _compute_missing_rows(scene, series, truth, rows, repeats, share)
         if series.kind == "peer" and series.name + FULL_PROGRAM not in {r["series"] for r in rows}:
             rows += [_full_program_row(r) for r in rows if r["series"] == series.name and r["wait"]]
         write_json(path, content)
     if scene.groups.drive.mode == "grip":
         report("cost of a step", 0.9)
-        content["floor"] = before.get("floor") or implicit_floor(scene)
-    content["fastest"] = [fastest_methods(rows, error) for error in SETTINGS["decades"]]
+        content["floor"] = before.get("floor") or iteration_cost_over_bare_solve(scene)
+    content["fastest"] = [fastest_methods_at_error(rows, error) for error in SETTINGS["decades"]]
     write_json(path, content)
     report("done", 1.0)
     return content
@@ -158,7 +158,7 @@ class _Reference:
 
         Raises ValueError if the reference ends early.
         """
-        stop = last_position(scene)
+        stop = stop_position(scene)
         name, settings = REFERENCE if stop else REFERENCE_OF_RIDES
         reference = run(scene, name, until=stop, **settings)
         if (reference.reason if stop is None else reference.reached < stop) and reference.slack_onset is None:
@@ -188,7 +188,7 @@ class _Reference:
         except NotComparable as error:
             return {"status": "failed", "reason": str(error)}
 
-    def run_errors(self, r: Response) -> dict[str, float]:
+    def response_errors(self, r: Response) -> dict[str, float]:
         path, rms, _ = measures.relative_path_gap(r, self.run, self.window)
         return {
             "path_error": path,
@@ -206,12 +206,12 @@ class _Reference:
         return {"path_error": float(gap.max()), "path_rms": float(np.sqrt(np.mean(gap**2)))}
 
 
-def last_position(scene: Scene) -> float | None:
+def stop_position(scene: Scene) -> float | None:
     """Last s_o/l of runs; None for a free ride."""
     return None if scene.groups.drive.mode == "free" else STOP
 
 
-def _missing_rows(
+def _compute_missing_rows(
     scene: Scene, series: Series, truth: _Reference, rows: list[Row], repeats: int, share: float
 ) -> list[Row]:
     """The missing rows of a series, while the next run is likely to fit into `share` [s]."""
@@ -240,12 +240,12 @@ def _refused_row(scene: Scene, series: Series) -> Row | None:
     """The one row of a series that cannot run the scene; None: it can."""
     if series.kind == "peer" and (absent := import_failure_reason(series.name)):
         return _chart_row(series, {}, status="not installed", reason=absent)
-    if reason := _refusal(scene, series):
+    if reason := _refusal_reason(scene, series):
         return _chart_row(series, {}, status="failed", reason=reason)
     return None
 
 
-def _refusal(scene: Scene, series: Series) -> str | None:
+def _refusal_reason(scene: Scene, series: Series) -> str | None:
     """Why a series cannot run the scene; None: it can."""
     try:
         if series.method is not None:
@@ -299,20 +299,20 @@ def _timed_run(scene: Scene, series: Series, rung: Row, truth: _Reference) -> tu
     assert series.method is not None
     if "tol" in rung:
         begin = time.process_time()
-        r = refine_to_tolerance(scene, series.method, rung["tol"], until=last_position(scene)).finest
+        r = refine_to_tolerance(scene, series.method, rung["tol"], until=stop_position(scene)).finest
         seconds = time.process_time() - begin
         results = {"bar": r.path_error, "chosen": METHODS[series.method].resolution_and_steps(r.settings)}
     else:
-        r = run(scene, series.method, model=series.model, until=last_position(scene), **rung)
+        r = run(scene, series.method, model=series.model, until=stop_position(scene), **rung)
         results = {}
         seconds = r.seconds
     work = {name: r.work[name] for name in ("steps", "newton_iterations", "factorisations")}
     results |= work | {"reached": r.reached, "n_dof": r.n_dof, "unknown_steps": r.work["steps"] * r.n_dof}
-    return results | truth.status_and_errors(r.reached, r.reason, lambda: truth.run_errors(r)), seconds
+    return results | truth.status_and_errors(r.reached, r.reason, lambda: truth.response_errors(r)), seconds
 
 
 def _timed_peer_run(scene: Scene, series: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
-    stop = last_position(scene)
+    stop = stop_position(scene)
     groups = scene.groups if stop is None else groups_until(scene.groups, stop)
     wall = time.perf_counter()
     own = time.process_time()
@@ -340,12 +340,12 @@ def _timed_command(scene: Scene, series: Series, rung: Row, truth: _Reference) -
         file = Path(folder) / "scene.toml"
         write_text(file, scene.to_toml())
         arguments = ["--method", series.method, "--tol", repr(rung["tol"]), "--out", str(Path(folder) / "out")]
-        seconds = _processor_time("-m", "validation.cli", "run", str(file), *arguments)
+        seconds = _processor_time_of_python("-m", "validation.cli", "run", str(file), *arguments)
         try:
             r = Response.read(Path(folder) / "out" / series.method)
         except FileNotFoundError:
             raise ValueError("the command wrote no response") from None
-    results = truth.status_and_errors(r.reached, r.reason, lambda: truth.run_errors(r))
+    results = truth.status_and_errors(r.reached, r.reason, lambda: truth.response_errors(r))
     results |= {
         "bar": r.path_error,
         "chosen": METHODS[series.method].resolution_and_steps(r.settings),
@@ -354,7 +354,7 @@ def _timed_command(scene: Scene, series: Series, rung: Row, truth: _Reference) -
     return results, seconds
 
 
-def _processor_time(*arguments: str) -> float:
+def _processor_time_of_python(*arguments: str) -> float:
     """Processor time [s] of a fresh interpreter and its processes."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([sys.executable, *arguments], capture_output=True, check=False)
@@ -364,7 +364,7 @@ def _processor_time(*arguments: str) -> float:
 
 @cache
 def _import_time(module: str) -> float:
-    return _processor_time("-c", f"import {module}")
+    return _processor_time_of_python("-c", f"import {module}")
 
 
 def groups_until(groups: Groups, position: float) -> Groups:

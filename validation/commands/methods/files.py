@@ -25,11 +25,11 @@ def dictionary_entries() -> Iterator[Entry]:
         if file == "design[]":
             for name, (words, unit) in KNOWN.items():
                 yield Entry("quantity", name, unit or "-", words.format("an obstacle or the ground"))
-            yield from _entries_of_line("quantity", {k: of for k, of in motion.WORDS.items() if k not in KNOWN})
+            yield from _entries_of_quantities("quantity", {k: of for k, of in motion.WORDS.items() if k not in KNOWN})
         if file == "positions.csv":
-            yield from _entries_of_line(file, line.WORDS)
+            yield from _entries_of_quantities(file, line.WORDS)
 
 
-def _entries_of_line(file: str, words: dict[str, Any]) -> Iterator[Entry]:
+def _entries_of_quantities(file: str, words: dict[str, Any]) -> Iterator[Entry]:
     for name, of in words.items():
         yield Entry(file, name, of["unit"] or "-", of["words"].format("it"))

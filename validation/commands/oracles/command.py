@@ -13,13 +13,13 @@ def command(quick: Quick = False, out: Annotated[Path | None, out_option("oracle
 
     Writes DIR/: oracles.json and report.html.
     """
-    from validation.commands.oracles.study import oracle_table
+    from validation.commands.oracles.study import write_oracle_table
 
     found = run_study(
         "oracles",
         study_folder_name("oracles", quick),
         ["oracles.json", "oracles.jsonl"],
         out,
-        partial(oracle_table, quick=quick),
+        partial(write_oracle_table, quick=quick),
     )
     return 0 if found["verdict"] == "agree" else 1

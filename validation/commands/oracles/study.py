@@ -115,12 +115,12 @@ def all_tasks() -> list[Task]:
     return out
 
 
-def oracle_table(out: Path, progress: Progress = no_progress, *, quick: bool = False) -> dict[str, Any]:
+def write_oracle_table(out: Path, progress: Progress = no_progress, *, quick: bool = False) -> dict[str, Any]:
     """Write oracles.json; an interrupted table goes on where it stopped.
 
     quick : of each heading a comparison that must agree and one that must not.
     """
-    computed = _one_of_each(all_tasks()) if quick else all_tasks()
+    computed = _one_task_of_each_kind(all_tasks()) if quick else all_tasks()
     jobs = {json.dumps(task.key): task for task in computed}
     results = store.compute_and_store_missing(
         out / ROWS, jobs, lambda task: task.compute(), partial(progress, "oracles")
@@ -137,7 +137,7 @@ def oracle_table(out: Path, progress: Progress = no_progress, *, quick: bool = F
     return content
 
 
-def _one_of_each(every: list[Task]) -> list[Task]:
+def _one_task_of_each_kind(every: list[Task]) -> list[Task]:
     """The first task of each group of exact answers and expected verdict."""
     exact = oracles.find_oracles()
     first: dict[tuple[str, str], Task] = {}
@@ -218,7 +218,7 @@ class _Solvers:
 
     def damped_frequencies(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
         """Matrices of the linear model column by column, then its quadratic eigenvalues i w."""
-        system = _build_solver(name, replace(groups, mu=0.0, motion=rest_motion(0.4, 1.0)), model, settings)
+        system = _build_system(name, replace(groups, mu=0.0, motion=rest_motion(0.4, 1.0)), model, settings)
         n = system.n_dof
         unit = np.eye(n)
         none = np.zeros((n, n))
@@ -238,8 +238,8 @@ class _Solvers:
     def release_string(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:
         """Release a straight string that the weight of groups holds at p; return t, and w at p."""
         groups = replace(groups, motion=rest_motion(p, end))
-        loaded = _build_solver(name, groups, "straight", settings)
-        free = _build_solver(name, replace(groups, mu=0.0), "straight", settings)
+        loaded = _build_system(name, groups, "straight", settings)
+        free = _build_system(name, replace(groups, mu=0.0), "straight", settings)
         rest = solve_equilibrium(loaded)
         start = newmark.consistent_acceleration(free, 0.0, rest, np.zeros_like(rest), 0)
         grid = np.linspace(0.0, end, 1 + find_method(name).complete_settings(settings)["steps"])
@@ -253,7 +253,7 @@ class _Solvers:
     def holding_force(self, groups: Groups, name: str, start: float, **settings: Any) -> float:
         """Force along the cable that holds a free car at its start."""
         groups = replace(groups, motion=None, drive=Drive(mode="free", start=start, end_time=1.0, nominal=1.0))
-        solver = _build_solver(name, groups, "full", settings)
+        solver = _build_system(name, groups, "full", settings)
         solver.start(0, None)
         return float(solver.hold)
 
@@ -268,6 +268,6 @@ class _Solvers:
 SOLVERS: Solvers = _Solvers()
 
 
-def _build_solver(name: str, groups: Groups, model: str, settings: dict[str, Any]) -> Any:
+def _build_system(name: str, groups: Groups, model: str, settings: dict[str, Any]) -> Any:
     method = find_method(name)
     return method.build(groups, method.settings_for_scene(groups, settings), model=model, load="mass", law="elastic")

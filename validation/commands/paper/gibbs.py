@@ -37,7 +37,7 @@ def _run_for_tensions_beside_mass(system: GalerkinSystem | FollowingElements, di
     return np.array(out)
 
 
-def overshoots(groups: Groups, ladders: dict[str, list[int]]) -> dict[str, list[dict[str, float]]]:
+def tension_overshoots(groups: Groups, ladders: dict[str, list[int]]) -> dict[str, list[dict[str, float]]]:
     """Overshoots of every method for the numbers of terms of its ladder; the scene must stay taut."""
     return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in ladders.items()}
 

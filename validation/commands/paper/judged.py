@@ -1,6 +1,6 @@
 """Verdicts from a range, a value and its bar.
 
-claims.toml holds the paper's statements; its values are expressions, its sentences templates, of `known.claim_names`.
+claims.toml holds the paper's statements; its values are expressions, its sentences templates, of `known.expression_variables`.
 """
 
 import math
@@ -22,14 +22,14 @@ Row = dict[str, Any]
 
 
 def judged_claims(names: Row) -> list[Row]:
-    """All claims of claims.toml, judged, as they are stored; names : of `known.claim_names`."""
+    """All claims of claims.toml, judged, as they are stored; names : of `known.expression_variables`."""
     content = store.read_packaged_toml(__package__, "claims.toml")
     out = []
     for claim in content["claim"]:
         readings = claim.get("readings", False)
         judged: list[Row] = []
         for entry in claim.get("quantity", ()):
-            judged += claim_quantities(entry, content["meaning"], names)
+            judged += quantity_rows(entry, content["meaning"], names)
         out.append({
             "id": claim["id"], "where": claim["where"], "claim": claim["says"], "readings": readings,
             "kind": claim.get("kind", "physics"), "quantities": judged, "verdict": claim_verdict(judged, readings),
@@ -58,7 +58,7 @@ def _inside_sign(q: Row, value: float | None, bar: float | None = 0.0) -> int:
     return -1 if value + bar < low or value - bar > high else 0
 
 
-def claim_quantities(entry: Row, meaning: Row, names: Row) -> Iterator[Row]:
+def quantity_rows(entry: Row, meaning: Row, names: Row) -> Iterator[Row]:
     """Yield the number of an entry, one for each of its `keys`: value, bar, and the range in which it is true."""
     for key in entry.get("keys", (None,)):
         here = names | {"key": key}
@@ -107,11 +107,13 @@ def _claimed_range(entry: Row, meaning: Row, names: Row) -> tuple[str, float | N
     if "around" in ends:
         low = ends["around"] - ends["within"]
         high = ends["around"] + ends["within"]
-        words = f"{decimal_text(ends['around'])} ± {decimal_text(ends['within'])}"
+        words = f"{plain_decimal_text(ends['around'])} ± {plain_decimal_text(ends['within'])}"
     elif low is not None and high is not None:
-        words = f"{decimal_text(low)} to {decimal_text(high)}"
+        words = f"{plain_decimal_text(low)} to {plain_decimal_text(high)}"
     else:
-        words = f"at most {decimal_text(ends['at_most'])}" if low is None else f"at least {decimal_text(low)}"
+        words = (
+            f"at most {plain_decimal_text(ends['at_most'])}" if low is None else f"at least {plain_decimal_text(low)}"
+        )
     return f"{words} ({next(filter(None, reasons), '')})", low, high
 
 
@@ -126,7 +128,7 @@ def render_sentence(template: str, names: Row) -> str:
     return _TEMPLATES.from_string(template).render(names)
 
 
-def decimal_text(x: float) -> str:
+def plain_decimal_text(x: float) -> str:
     """A number without an exponent: 0.000005."""
     return f"{x:.9f}".rstrip("0").rstrip(".")
 

@@ -20,8 +20,8 @@ from validation.core.sidebyside import Progress
 from validation.oracles import catenary_modes
 
 
-def claim_names(runs: Runs, others: dict[str, Any]) -> dict[str, Any]:
-    """Everything by name; others : of `claim_numbers`.  A scene's name is that of its converged run."""
+def expression_variables(runs: Runs, others: dict[str, Any]) -> dict[str, Any]:
+    """Everything by name; others : of `compute_or_load_numbers`.  A scene's name is that of its converged run."""
     converged = {scene: x.ladder.finest for scene, x in runs.reference.items()}
     return {
         "m": measured, "median": np.median, "pi": math.pi, "asked": SETTINGS, "scenes": runs.scenes,
@@ -29,7 +29,7 @@ def claim_names(runs: Runs, others: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def claim_numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> dict[str, Any]:
+def compute_or_load_numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> dict[str, Any]:
     """Numbers beyond runs: figure 2, overshoot beside the mass, energy in free vibration, the outlook's trolley.
 
     file : where they are stored, and read again if scenes and settings are the same.
@@ -40,10 +40,10 @@ def claim_numbers(runs: Runs, file: Path, report: Progress, quick: bool = False)
     level = runs.scenes["level"]
     inclined = runs.scenes["inclined"]
     swing = SETTINGS["vibration"]
-    energy = partial(vibration.max_energy_ratio, level.groups)
+    energy = partial(vibration.max_free_vibration_energy, level.groups)
     jobs: dict[str, Callable[[], Any]] = {
         "frequencies": lambda: first_frequency_by_terms(runs),
-        "overshoot": lambda: gibbs.overshoots(inclined.groups, ladders),
+        "overshoot": lambda: gibbs.tension_overshoots(inclined.groups, ladders),
         "vibration": lambda: {
             "coarse": energy(swing["coarse_steps"]), "fine": energy(swing["fine_steps"]),
             "kept": energy(swing["coarse_steps"], "gauss"),

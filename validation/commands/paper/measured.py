@@ -29,7 +29,7 @@ def turning_points(r: Response, reading: str) -> list[tuple[float, str]]:
     Turns shallower than half a percent of the largest value do not count.
     """
     curve = _path_spline(r, reading)
-    candidates = _possible_extremes(curve, 0.05, LATEST)
+    candidates = _candidate_extremes(curve, 0.05, LATEST)
     depths = curve(candidates)
     deep = 0.005 * np.abs(curve(np.linspace(0.05, LATEST, 4000))).max()
     out = []
@@ -44,7 +44,7 @@ def _path_spline(r: Response, reading: str) -> CubicSpline:
     return CubicSpline(r.s_o / r.length, r.v if reading == "v" else r.y)
 
 
-def _possible_extremes(curve: CubicSpline, start: float, end: float) -> Array:
+def _candidate_extremes(curve: CubicSpline, start: float, end: float) -> Array:
     """Where a curve may be extreme between two positions, both included."""
     roots = curve.derivative().roots(extrapolate=False)
     return np.array([start, *roots[(roots > start) & (roots < end)], end])
@@ -59,7 +59,7 @@ def nearest_turning_point(r: Response, reading: str, near: float, kind: str | No
 def lowest_point_position(r: Response, reading: str, end: float = LATEST) -> float:
     """s_o/l of the lowest point of the path."""
     curve = _path_spline(r, reading)
-    candidates = _possible_extremes(curve, 0.0, min(end, r.reached))
+    candidates = _candidate_extremes(curve, 0.0, min(end, r.reached))
     return float(candidates[np.argmax(curve(candidates))])
 
 
@@ -74,7 +74,7 @@ def path_distance(a: Response, b: Response) -> float:
     return measures.relative_path_gap(a, b, measures.WINDOW).largest
 
 
-def energy_without_work(r: Response, with_weight: bool = True) -> float:
+def relative_energy_without_work(r: Response, with_weight: bool = True) -> float:
     """Largest energy without work, over weight times largest displacement; with_weight : with M g y(s_o)."""
     scene = Scene.from_toml(r.scene_toml)
     assert scene.mass is not None
@@ -135,7 +135,7 @@ def tension_ripple(r: Response, near: float = 0.2, far: float = 1.0) -> float:
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)) / r.horizontal_tension)
 
 
-def mean_tension_extremes_along_cable(r: Response) -> float:
+def mean_count_of_tension_extremes(r: Response) -> float:
     """Crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
     counts = []
     for row, _ in tension_profiles(r):
@@ -146,13 +146,13 @@ def mean_tension_extremes_along_cable(r: Response) -> float:
     return float(np.mean(counts))
 
 
-def tension_jump(r: Response) -> float:
+def mean_tension_jump(r: Response) -> float:
     """Mean tension ahead of the mass less that behind it, over H."""
     jump = r.fields.T_ahead_pointwise - r.fields.T_behind_pointwise
     return float(np.mean(jump[frames_between(r, *MOVING)]) / r.horizontal_tension)
 
 
-def front_meeting_position(r: Response) -> float:
+def reflected_front_meeting_position(r: Response) -> float:
     """s_o/l at which the transverse front from the entry, of speed sqrt(N/rho), meets the mass after its reflection."""
     f = r.fields
     t = np.concatenate([[0.0], f.t])

@@ -88,7 +88,7 @@ def _with_fewer_steps(job: Job) -> Job:
     return scene, name, scaled_settings(method, method.complete_settings(settings), time=share)
 
 
-def all_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
+def make_or_load_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
     """All runs, stored in out/runs/NAME."""
     by_name = paper_scenes()
     jobs = planned_runs(quick)

@@ -6,7 +6,7 @@ from typing import Any
 
 from cablefem.response import Response, write_json
 from validation.commands.paper import judged, known
-from validation.commands.paper.runs import all_runs
+from validation.commands.paper.runs import make_or_load_runs
 from validation.core.sidebyside import Progress, no_progress
 
 
@@ -19,10 +19,10 @@ def paper(out: Path, report: Progress = no_progress, *, quick: bool = False) -> 
 
     quick : all runs by a quarter of the steps, overshoots without the longest ladders.
     """
-    runs = all_runs(out, report, quick)
-    numbers = known.claim_numbers(runs, out / "numbers.jsonl", report, quick)
+    runs = make_or_load_runs(out, report, quick)
+    numbers = known.compute_or_load_numbers(runs, out / "numbers.jsonl", report, quick)
     report("claims", 0.0)
-    claims = judged.judged_claims(known.claim_names(runs, numbers))
+    claims = judged.judged_claims(known.expression_variables(runs, numbers))
     counts = Counter(claim["verdict"] for claim in claims)
     references = {}
     for scene, reference in runs.reference.items():

@@ -16,7 +16,7 @@ from validation.commands.paper.runs import SETTINGS
 from validation.core.sampling import stack_states
 
 
-def free_vibration_energy(
+def relative_free_vibration_energy(
     groups: Groups, scheme: Scheme, *, terms: int, speed: float, sine: int = 1, dt: float, steps: int
 ) -> Array:
     """Energy of a bare cable after every step over that at the start, (n,); short if the run broke.
@@ -37,7 +37,7 @@ def free_vibration_energy(
         return (energy[1:] - energy[0]) / (energy[1] - energy[0])
 
 
-def max_energy_ratio(groups: Groups, per_period: int, name: str = "trapezoidal") -> float:
+def max_free_vibration_energy(groups: Groups, per_period: int, name: str = "trapezoidal") -> float:
     """Largest energy of the bare cable in free vibration, over that at the start.
 
     per_period : steps in a period of the first mode.
@@ -46,4 +46,4 @@ def max_energy_ratio(groups: Groups, per_period: int, name: str = "trapezoidal")
     dt = 2.0 * np.pi / 5.3454766 / per_period
     steps = round(swing["periods"] * per_period)
     how = {"terms": swing["terms"], "speed": swing["speed"], "dt": dt, "steps": steps}
-    return float(np.nanmax(free_vibration_energy(groups, newmark.scheme(name), **how)))
+    return float(np.nanmax(relative_free_vibration_energy(groups, newmark.scheme(name), **how)))
