@@ -165,8 +165,8 @@ def explicit_step_count(terms: int, factor: float) -> int:
 
 
 _FUNCTIONS = (
-    run_on_level, path_gap, path_error, energy_gain, tension_ripple, vibration_energy_history, remaining_vibration_energy,
-    frequency_error, slack_path_gap, light_mass_entry_error, compression_onset, stiff_cable_runs, taut_tension_gap,
-    frozen_growth_factor, explicit_step_count, convergence_limit,
+    run_on_level, path_gap, path_error, energy_gain, tension_ripple, vibration_energy_history,
+    remaining_vibration_energy, frequency_error, slack_path_gap, light_mass_entry_error, compression_onset,
+    stiff_cable_runs, taut_tension_gap, frozen_growth_factor, explicit_step_count, convergence_limit,
 )  # fmt: skip
 MEASURES: dict[str, Any] = {f.__name__: f for f in _FUNCTIONS} | {"most_gain": MAX_GAIN}

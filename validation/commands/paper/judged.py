@@ -1,6 +1,7 @@
 """Verdicts from a range, a value and its bar.
 
-claims.toml holds the paper's statements; its values are expressions, its sentences templates, of `known.expression_variables`.
+claims.toml holds the paper's statements: its values are expressions of `known.expression_variables`, its sentences
+templates of them.
 """
 
 import math
