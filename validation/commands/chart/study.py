@@ -153,7 +153,7 @@ class _Reference:
     stored: Row
 
     @classmethod
-    def of(cls, scene: Scene, stored: Row | None) -> _Reference:
+    def compute(cls, scene: Scene, stored: Row | None) -> _Reference:
         """Run the reference; its error is that in `stored`, or by coarser runs and the other solver.
 
         Raises ValueError if the reference ends early.
