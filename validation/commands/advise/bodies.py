@@ -29,7 +29,7 @@ from validation.core.wheels import approximate_pitch_period, neglected_wheel_loa
 Row = dict[str, Any]
 
 
-def advise(line: Line, tol: float, out: Path, report: Progress = no_progress) -> Row:
+def advise_on_bodies(line: Line, tol: float, out: Path, report: Progress = no_progress) -> Row:
     """Write advice.json: distances of points from bodies, and periods beside starts and stops."""
     runs: list[LineRuns] = []
     for model in ("rigid", "point"):
@@ -60,7 +60,7 @@ def advise(line: Line, tol: float, out: Path, report: Progress = no_progress) ->
 
 
 def _line_with_wheel_model(line: Line, model: str) -> Line:
-    """The line whose wheels have a model; a point has no cabin, and no thrust at an angle."""
+    """The line whose cars are bodies ("rigid") or points ("point"), which have no cabin and no thrust at an angle."""
     changes: dict[str, Any] = {}
     for car in line.car:
         if car.wheels is not None and car.wheels.inertia:
@@ -83,32 +83,38 @@ def _shortest_ramp(car: Car) -> float:
     return min(ramps, default=math.inf)
 
 
-def _body_period(table: CarTable, gravity: float, x: CarMotion) -> float:
+def _body_period(table: CarTable, gravity: float, motion: CarMotion) -> float:
     """Period [s] of the pitch, longest where the rope is least taut, or of the swing."""
     if table.wheels is not None:
-        return approximate_pitch_period(table.wheels, table.mass, float(np.min(x.tension_ahead)))
+        return approximate_pitch_period(table.wheels, table.mass, float(np.min(motion.tension_ahead)))
     assert table.hanger is not None
     h = table.hanger.length
     return 2.0 * math.pi * math.sqrt((table.hanger.gyration**2 + h**2) / (gravity * h))
 
 
 def _distances_by_formula(
-    table: CarTable, gravity: float, moved: LineRun, x: CarMotion, ramp: float, period: float
+    table: CarTable, gravity: float, run: LineRun, motion: CarMotion, ramp: float, period: float
 ) -> dict[str, float]:
-    """Distances by formula: m g cos(beta) b/(4 N) of the path; of a cabin 2 m a |sin(w t/2)| after a stop of t."""
+    """Distances of a point from a body by need: m g cos(beta) b/(4 N) of the path.
+
+    Of a cabin 2 m a |sin(w t/2)| after a stop of t.
+    """
     if table.wheels is not None:
-        lever = 0.5 * table.wheels.base / (x.tension_behind + x.tension_ahead)  # b/(4 N)
-        left = neglected_wheel_load(table.wheels, table.mass, gravity, moved.motion.t, x)
-        path = float(np.max(x.contact_force * lever))
-        return {"path": path, "haul force": 0.0, "wheel_rear": left, "wheel_front": left}
+        lever = 0.5 * table.wheels.base / (motion.tension_behind + motion.tension_ahead)  # b/(4 N)
+        load = neglected_wheel_load(table.wheels, table.mass, gravity, run.motion.t, motion)
+        path = float(np.max(motion.contact_force * lever))
+        return {"path": path, "haul force": 0.0, "wheel_rear": load, "wheel_front": load}
     assert table.hanger is not None
-    largest = float(np.max(np.linalg.norm(x.acceleration, axis=1)))
+    largest = float(np.max(np.linalg.norm(motion.acceleration, axis=1)))
     swings = abs(math.sin(math.pi * ramp / period)) if math.isfinite(ramp) else 0.0
     return {"haul force": 2.0 * table.hanger.mass * largest * swings}
 
 
 def _distances_of_runs(body: LineRun, a: CarMotion, point: LineRun, b: CarMotion) -> Iterator[tuple[str, float]]:
-    """Largest distances of a car with a body and of a point at equal times: across the rope, and of mean forces."""
+    """Needs, and the largest distance of a body from a point at equal times: across the rope, and of mean forces.
+
+    a, b : the car in the runs with bodies and with points.
+    """
     assert a.turning is not None
     end = min(body.end, point.end)
     place = np.mean([wheel.point for wheel in a.turning.wheels] or [a.point], axis=0)  # (n, 2)

@@ -48,12 +48,14 @@ POSITIONS = np.linspace(0.0, 1.0, 101)  # s_o/l of drawn paths
 LADDER = (*itertools.product(("string", "sagged", "stretching"), ("force", "mass")), ("full", "mass"))
 
 
-def _relative_series_gap(name: str, a: Response, b: Response, view: View, axial: float = 0.0) -> float:
-    gap = series_gap(a, b, view.window, attrgetter(name), axial, largest=True)
+def _relative_series_gap(name: str, a: Response, b: Response, view: View, mean_over: float = 0.0) -> float:
+    """Largest gap of a series, over its largest value in b; mean_over : [s] for means over such a time."""
+    gap = series_gap(a, b, view.window, attrgetter(name), mean_over, largest=True)
     return gap / float(np.nanmax(np.abs(getattr(b, name))))
 
 
 def _timetable_gap(a: Response, b: Response, view: View) -> float:
+    """Largest gap in position over the length, or in speed over its largest."""
     position = series_gap(a, b, view.window, attrgetter("s_o"), largest=True) / b.length
     return max(position, _relative_series_gap("speed", a, b, view))
 
@@ -69,14 +71,14 @@ OF = {"grip": ("path", "tension"), "free": ("timetable", "path", "tension"), "ha
 
 
 def tolerances_by_need(scene: Scene, tol: float) -> dict[str, float]:
-    """The tolerance of each need of a scene, from that of the path."""
+    """The tolerance of each need of a scene, relative, from that of the path."""
     needs = OF[scene.drive.mode]
     return {need: tolerance_of_kind("force" if need in FORCES else "path", tol, None) for need in needs}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rung:
-    """A model, its distances to the full one, and its run where it has one."""
+    """A model, its gaps to the full one (of the full one its bars), and its run where it has one."""
 
     model: str
     load: str
@@ -244,6 +246,7 @@ def _quasi_static_rungs(scene: Scene, full: Response) -> Iterator[Rung]:
 
 
 def _statics_rung(scene: Scene, full: Response, view: View) -> Rung:
+    """The cable at rest at each position of a hauled car."""
     begin = time.perf_counter()
     r = quasi_static(scene)
     seconds = time.perf_counter() - begin

@@ -29,7 +29,7 @@ CATALOGUE: tuple[Row, ...] = tuple(store.read_packaged_toml(__package__, "catalo
 
 
 def measure_failure_and_remedy(row: Row) -> Row:
-    """A row's words, what was measured, and whether failure and remedy showed."""
+    """A row of the page: its words, what was measured, whether the failure shows and the remedy works."""
     failure = _evaluate_all(row["shows"])
     cure = _evaluate_all(row["cures"])
     words = {k: row[k] for k in ("name", "scene", "method", "symptom", "cause", "remedy")}
@@ -45,8 +45,9 @@ def _evaluate_all(expressions: dict[str, str]) -> dict[str, float]:
     return {name: math.nan if x is None else float(x) for name, x in values.items()}
 
 
-def condition_holds(condition: str, x: dict[str, float]) -> bool:
-    return bool(_evaluate(condition, x=x))
+def condition_holds(condition: str, values: dict[str, float]) -> bool:
+    """Whether a condition on values, which it names x.NAME, is true."""
+    return bool(_evaluate(condition, x=values))
 
 
 def _evaluate(expression: str, **names: Any) -> Any:
@@ -64,6 +65,7 @@ def run_on_level(method: str, scene: Groups | None = None, **how: Any) -> Respon
 
 @cache
 def _run_of_json_key(key: str) -> Response:
+    """The run of a method, groups and settings, which are given as JSON so that it is made once."""
     method, scene, how = json.loads(key)
     return running.run(level_scene(**scene), specimens.PLANTED.get(method, method), **how)
 
@@ -91,26 +93,27 @@ def energy_gain(method: str, **how: Any) -> float:
 
 
 def tension_ripple(method: str, **how: Any) -> float:
+    """Rms ripple of the tension off the mass over H, see `measured.tension_ripple`."""
     return measured.tension_ripple(run_on_level(method, law="elastic", **how), near=measures.JUMP_WIDTH)
 
 
 @cache
 def vibration_energy_history(scheme: str) -> Array:
-    """The energy of a free cable over that at the start, at every step, in the second mode."""
+    """The energy of a free cable over that at the start, at every step, in a large vibration of the second mode."""
     large: dict[str, Any] = {"terms": 30, "speed": 0.1, "sine": 2, "dt": 0.04, "steps": 200}
     return relative_free_vibration_energy(level_scene().groups, newmark.scheme(scheme), **large)
 
 
 def remaining_vibration_energy(scheme: str, **how: float) -> float:
-    """Remaining energy of a vibration small enough to be linear."""
+    """Energy at the end of a vibration small enough to be linear, over that after its first steps."""
     small: dict[str, Any] = {"terms": 16, "speed": 1e-3, "sine": 2, "dt": 0.05, "steps": 600}
     energy = relative_free_vibration_energy(level_scene().groups, newmark.scheme(scheme, **how), **small)
     return energy[-1] / energy[100]  # without the axial waves of the start
 
 
-def frequency_error(J: int, reading: Literal["literal", "scaling"]) -> float:
-    """The error of the first frequency; exact: the linearised catenary, by collocation to 11 digits."""
-    first = float(scaled_cable_frequencies(level_scene().groups, level=J, reading=reading, n=1)[0])
+def frequency_error(level: int, reading: Literal["literal", "scaling"]) -> float:
+    """Relative error of the first frequency; exact: the linearised catenary, by collocation to 11 digits."""
+    first = float(scaled_cable_frequencies(level_scene().groups, level=level, reading=reading, n=1)[0])
     return abs(first / 5.3454766022 - 1.0)
 
 
@@ -142,9 +145,9 @@ def stiff_cable_runs(model: str) -> tuple[Response, Response]:
     return a, b
 
 
-def taut_tension_gap(a: Response, b: Response, of: str = "T") -> float:
-    """The distance of two tension fields before the slack."""
-    return measures.rms_tension_gap(a, b, (0.02, min(0.2, a.reached, b.reached)), of)
+def taut_tension_gap(a: Response, b: Response, field: str = "T") -> float:
+    """The rms distance of two tension fields over H, before the slack."""
+    return measures.rms_tension_gap(a, b, (0.02, min(0.2, a.reached, b.reached)), field)
 
 
 def frozen_growth_factor(terms: int) -> float:
@@ -156,7 +159,10 @@ def frozen_growth_factor(terms: int) -> float:
 
 
 def explicit_step_count(terms: int, factor: float) -> int:
-    """Number of steps `factor` times as long as the longest stable one: 2/omega_max with the mass at mid-span."""
+    """Number of steps of a crossing, each `factor` times the longest stable one.
+
+    That is 2/omega_max with the mass at mid-span.
+    """
     system = GalerkinSystem(level_scene().groups, Fourier(terms))
     end = system.phases[-1][1]
     M, _, K = specimens.frozen_matrices(system, 0.5 * end)

@@ -39,6 +39,7 @@ def _map_content(atlas: dict[str, Any], m: dict[str, Any]) -> dict[str, Any]:
 
 
 def _draw_map(m: dict[str, Any], method: str, cells: dict[Any, Any]) -> Markup:
+    """The figure of a method's cells on a map; cells : by method, x and y."""
     xs = m["x"]["values"]
     ys = m["y"]["values"]
     grid = {(i, j): cells.get((method, x, y), UNKNOWN) for i, x in enumerate(xs) for j, y in enumerate(ys)}

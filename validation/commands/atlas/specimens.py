@@ -20,7 +20,7 @@ def frozen_matrices(system: GalerkinSystem, t: float) -> Any:
 
 
 def frozen_growth_rate(system: GalerkinSystem, t: float) -> float:
-    """Largest growth rate Re lambda of the system of `frozen_matrices`."""
+    """Largest growth rate Re lambda of the system of `frozen_matrices`, per unit of dimensionless time."""
     M, C, K = frozen_matrices(system, t)
     n = system.n_dof
     lower = -np.linalg.solve(M, np.hstack([K, C]))  # (n, 2 n)

@@ -38,6 +38,7 @@ def methods_of_map(m: Map) -> list[tuple[str, dict[str, Any]]]:
 
 
 def scene_of_cell(m: Map, x: float, y: float) -> Scene:
+    """The level scene with groups as the map says, which may be x or y; ValueError where there is none."""
     axes = {"x": x, "y": y}
     return catalogue.level_scene(**{name: axes.get(value, value) for name, value in m.get("scene", {}).items()})
 
@@ -50,9 +51,9 @@ def settings_of_cell(m: Map, x: float, y: float, method: str, fixed: dict[str, A
     return {**fixed, "steps": round(x), space.setting: space.value_for_unknowns(y)}
 
 
-def method_label(method: str, fixed: dict[str, Any]) -> str:
+def method_label(method: str, settings: dict[str, Any]) -> str:
     """The name of a method's map, with its scheme if it has one."""
-    return f"{method}, {fixed['scheme']}" if "scheme" in fixed else method
+    return f"{method}, {settings['scheme']}" if "scheme" in settings else method
 
 
 def atlas(
@@ -75,8 +76,7 @@ def atlas(
         if json.loads(key)[0] == "cell":
             cells_of_maps += result
         else:
-            holds = result["failure_shown"] and result["remedy_works"]
-            catalogue_rows.append(result | {"verdict": "agree" if holds else "disagree"})
+            catalogue_rows.append(_row_with_verdict(result))
     as_described = all(row["verdict"] == "agree" for row in catalogue_rows)
     content = {
         "verdict": "agree" if as_described else "disagree",
@@ -87,11 +87,18 @@ def atlas(
     return content
 
 
+def _row_with_verdict(row: catalogue.Row) -> catalogue.Row:
+    """A measured row of the catalogue with "agree" where the failure shows and the remedy works."""
+    holds = row["failure_shown"] and row["remedy_works"]
+    return row | {"verdict": "agree" if holds else "disagree"}
+
+
 def _with_every_fifth_value(m: Map) -> Map:
     return m | {axis: m[axis] | {"values": m[axis]["values"][1::5]} for axis in "xy"}
 
 
 def _jobs_by_key(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Callable[[], Any]]:
+    """What computes each point of the maps and each row of the catalogue; the key names all that it depends on."""
     jobs: dict[str, Callable[[], Any]] = {}
     for m in maps:
         for x in m["x"]["values"]:
@@ -108,7 +115,7 @@ def _job_key(*what: Any) -> str:
 
 @lru_cache(maxsize=2)
 def _reference_run_with_error(toml: str) -> tuple[Response, float]:
-    """The run to compare with, and its error."""
+    """The run to compare with, and its path error; infinite where that cannot be said."""
     scene = Scene.from_toml(toml)
     settings = find_method("following-p2").complete_settings(MAPS["reference"])
     fine = run(scene, "following-p2", **settings)
@@ -135,7 +142,7 @@ def compute_cells_at(m: Map, x: float, y: float) -> list[dict[str, Any]]:
     return out
 
 
-def judged_cell(r: Response, reference: Response, unsure: float) -> dict[str, Any]:
+def judged_cell(r: Response, reference: Response, reference_error: float) -> dict[str, Any]:
     """A cell: how far the run came, its path error with a class, and the cause of a failure.
 
     The error is taken up to the slack onset of the reference; a run that stops before is wrong.
@@ -150,19 +157,19 @@ def judged_cell(r: Response, reference: Response, unsure: float) -> dict[str, An
         error = measures.relative_path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached))).largest
     except (measures.NotComparable, ValueError):
         error = math.inf
-    verdict = "good"
-    bound = MAPS["good"]
-    if r.reached < stop or error >= MAPS["wrong"]:
-        verdict = "wrong"
-        bound = math.inf
-    elif error > MAPS["good"]:
-        verdict = "poor"
-        bound = MAPS["wrong"]
-    if unsure > 0.5 * bound:
-        return out | {"class": "not judged", "reason": f"the reference itself is sure to {unsure:.2g} only"}
+    verdict, bound = _class_of_error(error, r.reached >= stop)
+    if reference_error > 0.5 * bound:
+        return out | {"class": "not judged", "reason": f"the reference itself is sure to {reference_error:.2g} only"}
     if verdict != "good" and not r.cause:
         out["cause"] = _failure_cause(r, stop)
     return out | {"class": verdict, "error": error}
+
+
+def _class_of_error(error: float, complete: bool) -> tuple[str, float]:
+    """The class of a path error, and the largest error of that class; a run that stops early is wrong."""
+    if not complete or error >= MAPS["wrong"]:
+        return "wrong", math.inf
+    return ("poor", MAPS["wrong"]) if error > MAPS["good"] else ("good", MAPS["good"])
 
 
 def _failure_cause(r: Response, stop: float) -> str:

@@ -1,4 +1,4 @@
-"""The fronts of a chart, and the fastest row for an error."""
+"""The Pareto fronts of a chart, and the fastest row for an error."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,6 +21,7 @@ def pareto_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> li
 
 
 def our_pareto_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
+    """The same among our methods and schemes on the full cable."""
     return pareto_rows([r for r in rows if r["kind"] in OURS], quantity, work)
 
 
@@ -38,16 +39,20 @@ def seconds_at_error(rows: list[Row], error: float, quantity: str = "path") -> f
 
 def fastest_methods_at_error(rows: list[Row], error: float) -> Row:
     """The fastest method for an error of path and of tension, and each peer's time (path)."""
-    of = {name: [r for r in rows if r["series"] == name] for name in dict.fromkeys(r["series"] for r in rows)}
-    full = {name: x for name, x in of.items() if x[0]["kind"] in OURS}
+    by_series: dict[str, list[Row]] = {}
+    for row in rows:
+        by_series.setdefault(row["series"], []).append(row)
+    ours = {name: x for name, x in by_series.items() if x[0]["kind"] in OURS}
+    others = {name: x for name, x in by_series.items() if x[0]["kind"] == "peer"}
 
     def fastest_series(quantity: str) -> Row:
-        at = {name: t for name, x in full.items() if (t := seconds_at_error(x, error, quantity)) is not None}
-        name = min(at, key=at.__getitem__, default="")
-        return {"series": name or None, "seconds": at.get(name), "cut": any(map(cut_by_budget, full.values()))}
+        seconds = {name: seconds_at_error(x, error, quantity) for name, x in ours.items()}
+        reached = {name: t for name, t in seconds.items() if t is not None}
+        name = min(reached, key=reached.__getitem__, default="")
+        return {"series": name or None, "seconds": reached.get(name), "cut": any(map(cut_by_budget, ours.values()))}
 
     path = fastest_series("path")
-    peers = {name: _peer_seconds_row(x, error, path["seconds"]) for name, x in of.items() if x[0]["kind"] == "peer"}
+    peers = {name: _peer_seconds_row(x, error, path["seconds"]) for name, x in others.items()}
     return {"error": error, **path, "tension": fastest_series("tension"), "peers": peers}
 
 

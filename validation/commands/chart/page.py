@@ -50,6 +50,7 @@ def _chart_title(r: Row) -> str:
 
 
 def _work_precision_charts(chart: dict[str, Any], quantity: str, work: str) -> Iterator[Markup]:
+    """Figures, each with few enough lines; over unknowns those of our own methods alone."""
     groups: dict[str, dict[str, list[Row]]] = {}
     for r in _rows_with_dots(chart, quantity, work):
         if work == "seconds" or r["kind"] in OURS:

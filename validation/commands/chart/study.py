@@ -83,8 +83,8 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
         report(series.name, 0.05 + 0.85 * i / len(todo))
         share = (6.0 if series.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
         rows += _compute_missing_rows(scene, series, truth, rows, repeats, share)
-        if series.kind == "peer" and series.name + FULL_PROGRAM not in {r["series"] for r in rows}:
-            rows += [_full_program_row(r) for r in rows if r["series"] == series.name and r["wait"]]
+        if series.kind == "peer":
+            rows += _missing_full_program_rows(series.name, rows)
         write_json(path, content)
     if scene.groups.drive.mode == "grip":
         report("cost of a step", 0.9)
@@ -101,23 +101,24 @@ def chart_series(groups: Groups) -> Iterator[Series]:
 
     base = METHODS[BASE]
     for method in METHODS.values():
-        shares = DENSE if method is base else SETTINGS["shares"]
-        yield Series(method.name, "method", tuple(settings_ladder(method, shares)), method.name)
+        step_shares = DENSE if method is base else SETTINGS["shares"]
+        yield Series(method.name, "method", tuple(settings_ladder(method, step_shares)), method.name)
     for model in sorted(set(MODELS) - {"full"}, key=MODELS.index):
         yield Series(f"model {model}", "model", tuple(settings_ladder(base))[::4], BASE, model)
     yield from _other_scheme_series(base, base.settings_for_scene(groups, {})["scheme"])
+    tolerances = tuple({"tol": tol} for tol in SETTINGS["asked"])
     for name in (BASE, WITNESS[0]):
-        yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in SETTINGS["asked"]), name)
-    yield Series(f"{BASE} --tol{FULL_PROGRAM}", "waiting", tuple({"tol": tol} for tol in SETTINGS["asked"]), BASE)
+        yield Series(f"{name} --tol", "tolerance", tolerances, name)
+    yield Series(f"{BASE} --tol{FULL_PROGRAM}", "waiting", tolerances, BASE)
     for name, peer in PEERS.items():
-        ours = (groups.drive.mode == "free" and peer.rides) or peer.ladder
-        yield Series(name, "peer", tuple(dict(rung) for rung in ours))
+        rungs = (groups.drive.mode == "free" and peer.rides) or peer.ladder
+        yield Series(name, "peer", tuple(map(dict, rungs)))
 
 
-def _other_scheme_series(base: Method, usual: str) -> Iterator[Series]:
-    """The schemes besides the usual one, without one that is never on a front."""
+def _other_scheme_series(base: Method, usual_scheme: str) -> Iterator[Series]:
+    """The schemes besides the usual one, without one that is never on a front; and a method of fourth degree."""
     for scheme in SCHEMES:
-        if scheme not in (usual, "central-difference"):
+        if scheme not in (usual_scheme, "central-difference"):
             # with fewer, Newton's method fails at wave fronts
             few, min_steps = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
             rungs = [x | {"scheme": scheme, "steps": max(min_steps, x["steps"] // few)} for x in settings_ladder(base)]
@@ -127,17 +128,17 @@ def _other_scheme_series(base: Method, usual: str) -> Iterator[Series]:
     yield Series("following-p4 radau", "integrator", sharp, "following-p4")
 
 
-def settings_ladder(method: Method, shares: Sequence[float] = SETTINGS["shares"]) -> Iterator[Row]:
+def settings_ladder(method: Method, step_shares: Sequence[float] = SETTINGS["shares"]) -> Iterator[Row]:
     """A method's settings from coarse to fine, around its defaults.
 
-    Steps grow with the resolution, between linearly and as its square; then `shares` of them.
+    Steps grow with the resolution, between linearly and as its square; then `step_shares` of them.
     """
     settings = method.complete_settings({})
     # more steps take too long
     seen = []
     pace = min(2.0, method.steps_exponent)
     for finer in FINER:
-        for share in shares:
+        for share in step_shares:
             x = method.resolution_and_steps(scaled_settings(method, settings, space=finer, time=share * finer**pace))
             if x not in seen:
                 seen.append(x)
@@ -146,7 +147,7 @@ def settings_ladder(method: Method, shares: Sequence[float] = SETTINGS["shares"]
 
 @dataclass(frozen=True, slots=True)
 class _Reference:
-    """The reference, and what is told of it."""
+    """The run that all others are compared with, the window, and what chart.json stores of its error."""
 
     run: Response
     window: Window
@@ -154,7 +155,7 @@ class _Reference:
 
     @classmethod
     def compute(cls, scene: Scene, stored: Row | None) -> _Reference:
-        """Run the reference; its error is that in `stored`, or by coarser runs and the other solver.
+        """Run the reference; its error is that in `stored`, else by coarser runs and the other solver.
 
         Raises ValueError if the reference ends early.
         """
@@ -189,6 +190,7 @@ class _Reference:
             return {"status": "failed", "reason": str(error)}
 
     def response_errors(self, r: Response) -> dict[str, float]:
+        """Errors of path and tension in the window, dimensionless."""
         path, rms, _ = measures.relative_path_gap(r, self.run, self.window)
         return {
             "path_error": path,
@@ -214,7 +216,7 @@ def stop_position(scene: Scene) -> float | None:
 def _compute_missing_rows(
     scene: Scene, series: Series, truth: _Reference, rows: list[Row], repeats: int, share: float
 ) -> list[Row]:
-    """The missing rows of a series, while the next run is likely to fit into `share` [s]."""
+    """Run the settings of a series that have no row, while the next run is likely to fit into `share` [s]."""
     done = [r["settings"] for r in rows if r["series"] == series.name]
     refused = _refused_row(scene, series)
     if refused is not None:
@@ -225,15 +227,16 @@ def _compute_missing_rows(
     new = []
     last = 0.0
     remaining = share
-    while missing and last <= remaining:
-        begin = time.perf_counter()
-        row = _row_of_fastest_repeat(scene, series, missing.pop(0), truth, max(1, repeats), remaining)
-        remaining -= time.perf_counter() - begin
-        last = row["seconds"] or 0.0
+    for rung in missing:
+        if last <= remaining:
+            begin = time.perf_counter()
+            row = _row_of_fastest_repeat(scene, series, rung, truth, max(1, repeats), remaining)
+            remaining -= time.perf_counter() - begin
+            last = row["seconds"] or 0.0
+        else:
+            row = _chart_row(series, rung, status="not run", reason="more than its share of the time")
         new.append(row)
-    return new + [
-        _chart_row(series, rung, status="not run", reason="more than its share of the time") for rung in missing
-    ]
+    return new
 
 
 def _refused_row(scene: Scene, series: Series) -> Row | None:
@@ -258,6 +261,7 @@ def _refusal_reason(scene: Scene, series: Series) -> str | None:
 
 
 def _chart_row(series: Series, settings: Row, **results: Any) -> Row:
+    """A row of the chart; results that are not given are None."""
     empty = dict.fromkeys((
         "reason", "reached", "path_error", "path_rms", "tension_error", "seconds", "spread", "repeats", "n_dof",
         "steps", "newton_iterations", "factorisations", "unknown_steps", "wait",
@@ -312,6 +316,7 @@ def _timed_run(scene: Scene, series: Series, rung: Row, truth: _Reference) -> tu
 
 
 def _timed_peer_run(scene: Scene, series: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
+    """Result and seconds of a run of another code, without what others took of the processor."""
     stop = stop_position(scene)
     groups = scene.groups if stop is None else groups_until(scene.groups, stop)
     wall = time.perf_counter()
@@ -328,9 +333,13 @@ def _timed_peer_run(scene: Scene, series: Series, rung: Row, truth: _Reference) 
     return {"steps": p.t.size - 1, "reached": p.reached, **results}, share * p.seconds
 
 
-def _full_program_row(row: Row) -> Row:
-    """The row of another code with the time of all of its program."""
-    return row | {"series": row["series"] + FULL_PROGRAM, "kind": "waiting", "seconds": row["wait"], "spread": None}
+def _missing_full_program_rows(peer: str, rows: list[Row]) -> list[Row]:
+    """Rows of another code with the time of all of its program; none if there are some already."""
+    series = peer + FULL_PROGRAM
+    if any(r["series"] == series for r in rows):
+        return []
+    timed = [r for r in rows if r["series"] == peer and r["wait"]]
+    return [r | {"series": series, "kind": "waiting", "seconds": r["wait"], "spread": None} for r in timed]
 
 
 def _timed_command(scene: Scene, series: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
@@ -364,10 +373,12 @@ def _processor_time_of_python(*arguments: str) -> float:
 
 @cache
 def _import_time(module: str) -> float:
+    """Processor time [s] of a fresh interpreter that imports a module."""
     return _processor_time_of_python("-c", f"import {module}")
 
 
 def groups_until(groups: Groups, position: float) -> Groups:
+    """The groups with a motion that ends at a position s_o/l."""
     motion = groups.motion
     assert motion is not None
     if position >= motion.end:

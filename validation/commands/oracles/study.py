@@ -91,19 +91,20 @@ class Task:
         }  # fmt: skip
 
 
-def _allowed_error(ratio: float, p: float | None, gap: float | None, before: float) -> tuple[float, str]:
+def _allowed_error(size_ratio: float, order: float | None, gap: float | None, error_before: float) -> tuple[float, str]:
     """The allowed error of the finest run, and why.
 
-    ratio : of the last two sizes; p : order of theory; gap : of the last two answers, None of a limit;
-    before : error of the last but one.
+    size_ratio : of the last two sizes; order : of theory; gap : of the last two answers, None of a limit;
+    error_before : of the last run but one.
     """
     if gap is None:
-        assert p is not None
-        return SAFETY * before / ratio**p, f"{SAFETY} x the deviation before, fallen with order {p:g}"
+        assert order is not None
+        allowed = SAFETY * error_before / size_ratio**order
+        return allowed, f"{SAFETY} x the deviation before, fallen with order {order:g}"
     most = 1.5  # largest order that is credited: wave fronts pass the mass as spikes
-    credited = 1.0 if p is None else min(p, most)
+    credited = 1.0 if order is None else min(order, most)
     why = f"own error bar: {SAFETY} x gap to the run before / (ratio to the {credited:g} - 1)"
-    return SAFETY * gap / (ratio**credited - 1.0), why
+    return SAFETY * gap / (size_ratio**credited - 1.0), why
 
 
 def all_tasks() -> list[Task]:
@@ -116,7 +117,7 @@ def all_tasks() -> list[Task]:
 
 
 def write_oracle_table(out: Path, progress: Progress = no_progress, *, quick: bool = False) -> dict[str, Any]:
-    """Write oracles.json; an interrupted table goes on where it stopped.
+    """Compute all rows and write oracles.json; an interrupted table goes on where it stopped.
 
     quick : of each heading a comparison that must agree and one that must not.
     """
@@ -137,11 +138,11 @@ def write_oracle_table(out: Path, progress: Progress = no_progress, *, quick: bo
     return content
 
 
-def _one_task_of_each_kind(every: list[Task]) -> list[Task]:
+def _one_task_of_each_kind(tasks: list[Task]) -> list[Task]:
     """The first task of each group of exact answers and expected verdict."""
     exact = oracles.find_oracles()
     first: dict[tuple[str, str], Task] = {}
-    for task in every:
+    for task in tasks:
         expected = task.case.expected_verdict(SOLVERS, task.method)
         first.setdefault((exact[task.oracle].group, expected), task)
     return list(first.values())

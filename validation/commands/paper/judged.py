@@ -7,7 +7,7 @@ templates of them.
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jinja2
 
@@ -40,7 +40,7 @@ def judged_claims(names: Row) -> list[Row]:
 
 
 def claim_verdict(quantities: Sequence[Row], readings: bool = False) -> str:
-    """The verdict; readings : one true quantity is enough."""
+    """The verdict on a claim from its quantities; readings : one true quantity is enough."""
     joined = max if readings else min  # or, and
     true = joined((_inside_sign(q, q["converged"], q["uncertainty"]) for q in quantities), default=0)
     if true >= 0:
@@ -63,14 +63,23 @@ def quantity_rows(entry: Row, meaning: Row, names: Row) -> Iterator[Row]:
     """Yield the number of an entry, one for each of its `keys`: value, bar, and the range in which it is true."""
     for key in entry.get("keys", (None,)):
         here = names | {"key": key}
-        value, bar, paper = _value_with_bar(entry, here)
-        claimed, low, high = _claimed_range(entry, meaning, here)
-        numbers = {"claimed": claimed, "low": low, "high": high, "paper": paper, "converged": value, "uncertainty": bar}
+        value, bar, by_paper = _value_with_bar(entry, here)
+        claimed = _claimed_range(entry, meaning, here)
+        numbers = {
+            "claimed": claimed.words, "low": claimed.low, "high": claimed.high, "paper": by_paper,
+            "converged": value, "uncertainty": bar,
+        }  # fmt: skip
         yield {"name": render_sentence(entry["name"], here), **store.nulls_for_nonfinite(numbers)}
 
 
-def _value_with_bar(entry: Row, names: Row) -> tuple[float, float, float | None]:
-    """The value, its bar, and the value at the paper's resolution.
+class ValueWithBar(NamedTuple):
+    value: float
+    bar: float
+    at_paper_resolution: float | None
+
+
+def _value_with_bar(entry: Row, names: Row) -> ValueWithBar:
+    """The value of an entry, its bar, and the value at the paper's resolution, if it names one.
 
     of : converged runs by scene; each gives the bar of its ladder.  paper : the paper's runs instead of them.
     r, others : a run (or number), and what else the paper may have taken: the bar is the largest change.
@@ -91,11 +100,17 @@ def _value_with_bar(entry: Row, names: Row) -> tuple[float, float, float | None]
     if isinstance(paper, list):
         runs = [names["runs"][name] for name in paper]
         paper = value(**dict(zip(of, runs, strict=True)))
-    return value(), bar, None if paper is None else evaluate_expression(paper, names)
+    return ValueWithBar(value(), bar, None if paper is None else evaluate_expression(paper, names))
 
 
-def _claimed_range(entry: Row, meaning: Row, names: Row) -> tuple[str, float | None, float | None]:
-    """The range in words, and its ends; None: no such end."""
+class ClaimedRange(NamedTuple):
+    words: str
+    low: float | None  # None: no such end
+    high: float | None
+
+
+def _claimed_range(entry: Row, meaning: Row, names: Row) -> ClaimedRange:
+    """The range in which the claim is true; meaning : numbers and reasons of words like "many"."""
     ends = {}
     reasons = [entry.get("reason", "")]
     for name in ("around", "within", "at_least", "at_most"):
@@ -115,7 +130,7 @@ def _claimed_range(entry: Row, meaning: Row, names: Row) -> tuple[str, float | N
         words = (
             f"at most {plain_decimal_text(ends['at_most'])}" if low is None else f"at least {plain_decimal_text(low)}"
         )
-    return f"{words} ({next(filter(None, reasons), '')})", low, high
+    return ClaimedRange(f"{words} ({next(filter(None, reasons), '')})", low, high)
 
 
 def evaluate_expression(expression: str | float, names: Row) -> float:
@@ -126,6 +141,7 @@ def evaluate_expression(expression: str | float, names: Row) -> float:
 
 
 def render_sentence(template: str, names: Row) -> str:
+    """A template of TOML with these names; an unknown name is an error."""
     return _TEMPLATES.from_string(template).render(names)
 
 

@@ -21,7 +21,10 @@ from validation.oracles import catenary_modes
 
 
 def expression_variables(runs: Runs, others: dict[str, Any]) -> dict[str, Any]:
-    """Everything by name; others : of `compute_or_load_numbers`.  A scene's name is that of its converged run."""
+    """What expressions and templates may name: `m`, runs, scenes; a scene's name is that of its converged run.
+
+    others : of `compute_or_load_numbers`.
+    """
     converged = {scene: x.ladder.finest for scene, x in runs.reference.items()}
     return {
         "m": measured, "median": np.median, "pi": math.pi, "asked": SETTINGS, "scenes": runs.scenes,

@@ -147,7 +147,7 @@ def mean_count_of_tension_extremes(r: Response) -> float:
 
 
 def mean_tension_jump(r: Response) -> float:
-    """Mean tension ahead of the mass less that behind it, over H."""
+    """Mean over frames of the tension ahead of the mass less that behind it, over H."""
     jump = r.fields.T_ahead_pointwise - r.fields.T_behind_pointwise
     return float(np.mean(jump[frames_between(r, *MOVING)]) / r.horizontal_tension)
 
@@ -189,7 +189,7 @@ def static_tension_range(scene: Scene) -> float:
 
 
 def wavelet_terms(level: int) -> int:
-    """Functions of the paper's set (37)."""
+    """Number of functions of the paper's set (37) up to a level."""
     return Daubechies(order=4, level=level, reading="literal").n
 
 

@@ -57,10 +57,10 @@ def _first_car(run: Any) -> Any:
 
 
 def _depths_at_positions(run: Any) -> Array:
-    """At POSITIONS [m]."""
+    """Depth y of the first car at POSITIONS [m]."""
     x, y = _first_car(run).point.T
     return np.interp(POSITIONS, x, y)
 
 
-def _value_with_bar(ladder: Ladder, of: Callable[[Any], float]) -> Row:
-    return {"value": of(ladder.finest), "bar": ladder.bar(of)}
+def _value_with_bar(ladder: Ladder, number_of_run: Callable[[Any], float]) -> Row:
+    return {"value": number_of_run(ladder.finest), "bar": ladder.bar(number_of_run)}

@@ -81,7 +81,7 @@ def planned_runs(quick: bool = False) -> dict[str, Job]:
 
 
 def _with_fewer_steps(job: Job) -> Job:
-    """A job by a quarter of the steps, or an eighth of those in position, which are not compiled."""
+    """The job by a quarter of the steps, or an eighth of those in position, which are not compiled."""
     scene, name, settings = job
     method = find_method(name)
     share = 1.0 / 8.0 if settings.get("abscissa") == "s" else 0.25
@@ -89,7 +89,7 @@ def _with_fewer_steps(job: Job) -> Job:
 
 
 def make_or_load_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
-    """All runs, stored in out/runs/NAME."""
+    """All runs, made in parallel, or read from out/runs/NAME where they are stored."""
     by_name = paper_scenes()
     jobs = planned_runs(quick)
 
@@ -120,6 +120,8 @@ def load_or_run(folder: Path, scene: Scene, method: str, settings: dict[str, Any
 
 
 def _reference_of(runs: dict[str, Response], scene: str) -> Reference:
+    """The converged run of a scene with its coarser ones and the other solver's, from runs by name."""
+
     def coarser_branch(what: str, order: float) -> Branch:
         coarser = tuple(runs[f"{scene}-reference-{word}-{what}"] for word in ("half", "quarter"))
         return Branch(coarser, (2.0, 2.0), order)

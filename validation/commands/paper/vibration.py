@@ -37,13 +37,13 @@ def relative_free_vibration_energy(
         return (energy[1:] - energy[0]) / (energy[1] - energy[0])
 
 
-def max_free_vibration_energy(groups: Groups, per_period: int, name: str = "trapezoidal") -> float:
+def max_free_vibration_energy(groups: Groups, steps_per_period: int, scheme_name: str = "trapezoidal") -> float:
     """Largest energy of the bare cable in free vibration, over that at the start.
 
-    per_period : steps in a period of the first mode.
+    steps_per_period : of the first mode.
     """
     swing = SETTINGS["vibration"]
-    dt = 2.0 * np.pi / 5.3454766 / per_period
-    steps = round(swing["periods"] * per_period)
+    dt = 2.0 * np.pi / 5.3454766 / steps_per_period
+    steps = round(swing["periods"] * steps_per_period)
     how = {"terms": swing["terms"], "speed": swing["speed"], "dt": dt, "steps": steps}
-    return float(np.nanmax(relative_free_vibration_energy(groups, newmark.scheme(name), **how)))
+    return float(np.nanmax(relative_free_vibration_energy(groups, newmark.scheme(scheme_name), **how)))
