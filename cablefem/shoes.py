@@ -103,15 +103,15 @@ def line_and_snapshot_after_passage(
         case "lands on the shoe of":
             return _line_after_landing(line, car, passage.saddle, t, snapshot), snapshot
         case "leaves the rope at":
-            return _line_without_car(line, car, passage.saddle, snapshot), snapshot
+            return _line_after_rope_left(line, car, passage.saddle, snapshot), snapshot
         case "leaves the shoe of":
-            return _with_car_on_rail(line, car, None), snapshot
+            return _line_with_car_on_rail(line, car, None), snapshot
         case "takes the rope behind":
-            snapshot = _with_rope_point_below_car(line, car, t, phase, snapshot)
-            return _line_with_car(line, car, passage.saddle, t, snapshot), snapshot
+            snapshot = _snapshot_with_rope_point_below(line, car, t, phase, snapshot)
+            return _line_after_rope_taken(line, car, passage.saddle, t, snapshot), snapshot
 
 
-def _with_car_on_rail(line: MovingLine, car: Car, rail: Rail | None) -> MovingLine:
+def _line_with_car_on_rail(line: MovingLine, car: Car, rail: Rail | None) -> MovingLine:
     """The line with that car of its contacts on this rail, or on none."""
     contacts = tuple(replace(car, rail=rail) if contact is car else contact for contact in line.contacts)
     return replace(line, contacts=contacts)
@@ -132,10 +132,10 @@ def _line_after_landing(line: MovingLine, car: Car, saddle: Contact, t: float, s
     side = _side_of_saddle(car, saddle, snapshot)
     tangent = snapshot.rope(snapshot.s[car.name] + side * BESIDE)[1]
     end = _straight_rail_end(saddle, side, tangent)
-    return _with_car_on_rail(line, car, Rail(saddle.name, RailEnd(x, y, slope, bend), end))
+    return _line_with_car_on_rail(line, car, Rail(saddle.name, RailEnd(x, y, slope, bend), end))
 
 
-def _line_without_car(line: MovingLine, car: Car, saddle: Contact, snapshot: LineSnapshot) -> MovingLine:
+def _line_after_rope_left(line: MovingLine, car: Car, saddle: Contact, snapshot: LineSnapshot) -> MovingLine:
     """The line with the car over it, on a rail over the saddle to as far behind it."""
     (x, y), velocity, _ = snapshot.points[car.name].tolist()
     side = _side_of_saddle(car, saddle, snapshot)
@@ -148,7 +148,7 @@ def _line_without_car(line: MovingLine, car: Car, saddle: Contact, snapshot: Lin
     return replace(line, contacts=contacts, over=(*line.over, replace(car, rail=rail)))
 
 
-def _line_with_car(line: MovingLine, car: Car, saddle: Contact, t: float, snapshot: LineSnapshot) -> MovingLine:
+def _line_after_rope_taken(line: MovingLine, car: Car, saddle: Contact, t: float, snapshot: LineSnapshot) -> MovingLine:
     """The line with a car from over it on the rope again, on a rail to the end of the shoe."""
     side = _side_of_saddle(car, saddle, snapshot)
     x, y = snapshot.points[car.name][0]
@@ -168,7 +168,7 @@ def _straight_rail_end(saddle: Contact, side: float, tangent: Array) -> RailEnd:
     return RailEnd(x + away, y + away * slope, slope)
 
 
-def _with_rope_point_below_car(
+def _snapshot_with_rope_point_below(
     line: MovingLine, car: Car, t: float, phase: int, snapshot: LineSnapshot
 ) -> LineSnapshot:
     """The snapshot with s and the point of the rope below a car off the rope, with their rates."""

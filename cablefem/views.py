@@ -59,10 +59,10 @@ def _interpolate_frames(r: Response, t: float, s_o: float) -> tuple[Array, Array
     dt = f.t[i + 1] - f.t[i]
     x = min(max((t - f.t[i]) / dt, 0.0), 1.0)
     h = (1 + 2 * x) * (1 - x) ** 2, x * (1 - x) ** 2 * dt, x * x * (3 - 2 * x), x * x * (x - 1) * dt
-    w = np.stack([h[0] * q[i] + h[1] * p[i] + h[2] * q[i + 1] + h[3] * p[i + 1] for q, p in ((f.u, f.du), (f.v, f.dv))])
-    same = [(f.s > f.s_o[j]) == (f.s > s_o) for j in (i, i + 1)]
-    weight = np.where(same[0] & same[1], x, np.where(same[1], 1.0, 0.0))
-    return w, (1.0 - weight) * f.T[i] + weight * f.T[i + 1]
+    w = [h[0] * q[i] + h[1] * p[i] + h[2] * q[i + 1] + h[3] * p[i + 1] for q, p in ((f.u, f.du), (f.v, f.dv))]
+    same_side, same_side_after = ((f.s > f.s_o[j]) == (f.s > s_o) for j in (i, i + 1))
+    weight = np.where(same_side & same_side_after, x, np.where(same_side_after, 1.0, 0.0))
+    return np.stack(w), (1.0 - weight) * f.T[i] + weight * f.T[i + 1]
 
 
 def car_motion(r: Response) -> CarMotion:

@@ -12,7 +12,7 @@ from cablefem.newmark.system import System
 EPS = float(np.finfo(float).eps)
 
 
-def shortest_step(t: float) -> float:
+def shortest_step_above_rounding(t: float) -> float:
     """Shortest step at t."""
     return 16.0 * EPS * abs(t)
 
@@ -65,7 +65,7 @@ def locate_first_event(system: System, step: Stepper, x0: State, x1: State) -> t
         from scipy.optimize import brentq  # slow to load
 
         crossing = newly_due()
-        brentq(min_event_value, x0.t, end, xtol=shortest_step(x1.t) / 4.0, rtol=4.0 * EPS, disp=False)
+        brentq(min_event_value, x0.t, end, xtol=shortest_step_above_rounding(x1.t) / 4.0, rtol=4.0 * EPS, disp=False)
         end = min(t for t in evaluated if min_event_value(t) <= 0.0)
     state, at_end = evaluated[end]
     return state, [system.events[i] for i in crossing if at_end[i] <= 0.0]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.newmark.collocation_rule import CollocationRule
-from cablefem.newmark.events import apply_events, events_due, locate_first_event, shortest_step
+from cablefem.newmark.events import apply_events, events_due, locate_first_event, shortest_step_above_rounding
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepUnderflow
 from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.newmark.newton import STANDARD, Newton
@@ -89,14 +89,14 @@ class _TimeIntegration:
         for i, (before, t) in enumerate(itertools.pairwise(edges)):
             self.halvings = 0
             self.events = 0
-            while t - self.state.t > shortest_step(t):
+            while t - self.state.t > shortest_step_above_rounding(t):
                 if (yield from self._take_many_steps(edges[i:])):
                     continue
                 end = self._take_one_step(before, t, grid.size)
                 if end is None:
                     continue
                 x, names = end
-                if x.t - self.last_output > shortest_step(x.t):
+                if x.t - self.last_output > shortest_step_above_rounding(x.t):
                     self.last_output = x.t
                     yield [x]
                 after = self._apply_events_within_limits(x, names)
@@ -190,10 +190,11 @@ class _TimeIntegration:
         longest = math.inf
         ends = list[float]()
         for before, t in itertools.pairwise(edges):
-            while t - now > shortest_step(t):
+            while t - now > shortest_step_above_rounding(t):
                 fraction = self.system.step_fraction(x, now - self.last_event, now - x.t)
                 t1 = _end_of_equal_step(now, t, (t - before) * fraction)
-                if not t1 - now > shortest_step(t1) or len(ends) == MAX_ADAPTIVE_STEPS or t1 - now > longest:
+                fits = shortest_step_above_rounding(t1) < t1 - now <= longest
+                if not fits or len(ends) == MAX_ADAPTIVE_STEPS:
                     return ends
                 ends.append(t1)
                 longest = min(longest, MAX_GROWTH * (t1 - now))

@@ -123,16 +123,17 @@ def _correct_by_earlier_tangent(
     return StepResult(norm, iterations, 0, iterations + 1), False
 
 
-def solve_newton_dense(linearise: Callable[[Any], tuple[Any, Any]], first_guess: Any, tol: float = 1e-13) -> Any | None:
+def solve_newton_dense(linearise: Callable[[Any], tuple[Any, Any]], first_guess: Any) -> Any | None:
     """x (n,) with r(x) = 0, from a first guess, by at most 50 full Newton steps; None if they do not converge.
 
     linearise : r (n,) and dr/dx (n, n) at x.
     """
+    tolerance = 1e-13  # of x
     x = first_guess
     for _ in range(50):
         r, tangent = linearise(x)
         step = np.linalg.solve(tangent, r)
         x = x - step
-        if np.abs(step).max() <= tol * (1.0 + np.abs(x).max()):
+        if np.abs(step).max() <= tolerance * (1.0 + np.abs(x).max()):
             return x
     return None

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from functools import cache, lru_cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial, polynomial
@@ -65,12 +65,12 @@ def extrapolation_matrix(nodes: tuple[float, ...], ratio: float) -> Array:
     return np.vander(1.0 + ratio * rule.c, len(nodes), increasing=True) @ rule.powers[0]
 
 
-def with_states_inside_steps(states: Sequence[State], count: int) -> list[State]:
-    """A history with `count` states for each collocation step."""
+def with_states_inside_steps(states: Sequence[State], count_per_step: int) -> list[State]:
+    """A history with so many states for each collocation step."""
     out = list(states[:1])
     for before, after in pairwise(states):
         if isinstance(after, Collocated):
-            t = np.linspace(after.t - after.inside.dt, after.t, count + 1)[1:-1]
+            t = np.linspace(after.t - after.inside.dt, after.t, count_per_step + 1)[1:-1]
             out += [state_inside_step(after, x) for x in t[t > before.t].tolist()]
         out.append(after)
     return out
@@ -84,8 +84,8 @@ def state_inside_step(after: Collocated, t: float) -> State:
     return State(t, after.q + dt * (x - 1.0) * after.v + dt * dt * l2, after.v + dt * l1, l0, after.phase)
 
 
-def interpolate_hermite(x, dt, before, after) -> tuple[Array, Array]:
-    """q and v at x in [0, 1] of a step dt, from q and v at both ends."""
+def interpolate_hermite(x: Any, dt: Any, before: Any, after: Any) -> tuple[Array, Array]:
+    """q and v at x in [0, 1] of a step dt, cubic from q and v at both ends."""
     d = after.q - before.q
     v0 = dt * before.v
     v1 = dt * after.v

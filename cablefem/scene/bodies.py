@@ -67,13 +67,13 @@ def body_faults(mass: float | None, hanger: Hanger | None, wheels: Wheels | None
 
 def _two_wheel_key_faults(wheels: Wheels | None, drive: Driving) -> list[str]:
     """Faults of keys of two wheels in the drive of a point car."""
-    written = _two_wheel_keys(drive)
+    written = _written_two_wheel_keys(drive)
     if wheels is not None and wheels.base:  # levers count in loads by hand
         return ["drive.thrust.angle: must be 0 with wheels.model = 'point'"] if "thrust.angle" in written else []
     return [f"drive.{name}: of a car on two wheels; must be given with wheels" for name in written]
 
 
-def _two_wheel_keys(drive: Driving) -> list[str]:
+def _written_two_wheel_keys(drive: Driving) -> list[str]:
     """Keys that only a car on two wheels has, as far as they are written."""
     written = ["hitch"] if drive.hitch is not None else []
     if isinstance(drive.thrust, Thrust):

@@ -21,7 +21,7 @@ class Wind(Part):
         """Horizontal force [N/m] on a cable at rest, rho_air c_D d U^2/2."""
         return 0.5 * self.air_density * self.drag_coefficient * diameter * self.across**2
 
-    def drag_per_velocity(self, diameter: float) -> float:
+    def drag_per_length_and_velocity(self, diameter: float) -> float:
         """Force over velocity in the plane [N s/m^2], rho_air c_D d U/2, to first order."""
         return 0.5 * self.air_density * self.drag_coefficient * diameter * self.across
 
@@ -52,7 +52,7 @@ def own_and_wind_damping_rates(
         own *= 2.0 * first_angular_frequency(catenary, cable.EA, gravity)
     if wind is None:
         return own, 0.0
-    return own, wind.drag_per_velocity(cable.diameter_with_ice) * gravity / catenary.weight
+    return own, wind.drag_per_length_and_velocity(cable.diameter_with_ice) * gravity / catenary.weight
 
 
 def overdamping_fault(catenary: Catenary, cable: Cable, wind: Wind | None, gravity: float) -> str:

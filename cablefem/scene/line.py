@@ -139,6 +139,10 @@ class Car(Part):
             return [missing if at_rest else f"{missing}; one in motion has travel or drive"]
         if hauled_given:
             return [f"hauled: of a car at rest, which has no {' and no '.join(present)}; in motion drive.mode says it"]
+        return self._faults_in_motion(present)
+
+    def _faults_in_motion(self, present: Sequence[str]) -> list[str]:
+        """Faults of a car in motion; present : what is written of its travel, drive and bodies."""
         if "drive" in present and self.drive is None:
             return []  # its own faults are reported
         if (self.mode == "free") is ("travel" in present):
@@ -319,9 +323,8 @@ class Line(Described):
         cars = self.car
         if None in (rope, contacts, cars):
             return []
-        names = [c.name for c in contacts] + [c.name for c in cars]
-        twice = sorted({x for x in names if names.count(x) > 1})
-        faults = _contact_faults(contacts) + [f"name = {x!r}: given twice; names must differ" for x in twice]
+        names = [*(c.name for c in contacts), *(c.name for c in cars)]
+        faults = _contact_faults(contacts) + _repeated_name_faults(names)
         if faults:
             return faults
         faults = _length_or_tension_faults(rope, contacts) + _car_faults(cars, contacts)
@@ -486,7 +489,13 @@ def _refused_on_shoes(
     return refused
 
 
+def _repeated_name_faults(names: Sequence[str]) -> list[str]:
+    twice = sorted({x for x in names if names.count(x) > 1})
+    return [f"name = {x!r}: given twice; names must differ" for x in twice]
+
+
 def _contact_faults(contacts: Sequence[Contact]) -> list[str]:
+    """Faults of the order, steepness and kinds of contacts."""
     if len(contacts) < 2:
         return ["contact: must be at least two, the ends of the rope"]
     if contacts[0].at != (0.0, 0.0):

@@ -57,7 +57,7 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
         car.name: empty.x_of_position(car, _start_position(car)) for car in cars
     }
     passing = {car.name: _saddles_passed(car, contacts, empty) for car in cars}
-    _raise_if_any([*_order_faults(cars, positions), *_saddle_faults(cars, passing, positions)])
+    _raise_if_any([*_order_faults(cars, positions), *_unpassable_saddle_faults(cars, passing, positions)])
     everything: list[Contact | Car] = [*contacts, *cars]
     moving_line = MovingLine(
         rope=_rope_at_temperature(line, float(empty.s[-1]), thermal_stretch),
@@ -145,18 +145,18 @@ def _saddles_passed(car: Car, contacts: Sequence[Contact], empty: EmptyLine) -> 
     return [c for c in contacts[1:-1] if low - base - (c.shoe or 0.0) <= c.point[0] <= high + (c.shoe or 0.0)]
 
 
-def _saddle_faults(
-    cars: Sequence[Car], passing: Mapping[str, Sequence[Contact]], positions: Mapping[str, float]
+def _unpassable_saddle_faults(
+    cars: Sequence[Car], passed_saddles: Mapping[str, Sequence[Contact]], start_x: Mapping[str, float]
 ) -> list[str]:  # fmt: skip
     """Faults of cars that cannot pass the saddles in their way."""
     faults = []
     for car in cars:
-        for saddle in passing[car.name]:
+        for saddle in passed_saddles[car.name]:
             if car.wheels is not None:
                 faults.append(f"car.{car.name}.wheels: {saddle.name} is in the way; two wheels stay on one span")
             elif saddle.shoe is None:
                 faults.append(f"contact.{saddle.name}.shoe: missing; must be given where a car passes, here {car.name}")
-            elif abs(positions[car.name] - saddle.point[0]) <= saddle.shoe:
+            elif abs(start_x[car.name] - saddle.point[0]) <= saddle.shoe:
                 faults.append(f"car.{car.name}: begins on the shoe of {saddle.name}; must begin beside it")
     return faults
 

@@ -68,7 +68,7 @@ class LoadPath:
     def on_loaded_cable(cls, groups: Groups) -> LoadPath:
         """The elastic catenary of two pieces; groups: mu, alpha, sigma, c."""
         r = gripped_rest(load_path_nodes(groups.sigma), groups)
-        path = cls(r.s, r.car_point, r.along, r.bend, r.hold, r.stretch)
+        path = cls(r.s, r.car_point, r.along, r.bend, r.hold, r.mean_stretch)
         path.rest = r
         return path
 

@@ -108,9 +108,9 @@ class Scene(Described):
         faults += missing_wire_faults(self.cable.wire, None if self.mass is None else self.mass.wheels)
         if hanging := no_catenary_fault(*hung):
             return [*faults, hanging]
-        return [*faults, *filter(None, self._dynamic_faults(self.drive or Driving()))]
+        return [*faults, *filter(None, self._faults_on_hanging_cable(self.drive or Driving()))]
 
-    def _dynamic_faults(self, drive: Driving) -> list[str]:
+    def _faults_on_hanging_cable(self, drive: Driving) -> list[str]:
         """Faults of stretch, damping, travel and drive on a cable that hangs; "" where there is none."""
         faults = [
             stretch_fault(self.gravity, self.cable, self.supports),
@@ -178,9 +178,9 @@ class Scene(Described):
         """
         scene = self
         if self.cable.has_heat_or_ice and (sag_ratio, mu, alpha) != (None, None, None):
-            scene = scene._with_shape(horizontal_tension=scene.horizontal_tension)
+            scene = scene._cold_with_shape(horizontal_tension=scene.horizontal_tension)
         if sag_ratio is not None:
-            scene = scene._with_shape(sag=sag_ratio * scene.supports.span)
+            scene = scene._cold_with_shape(sag=sag_ratio * scene.supports.span)
         if alpha is not None:
             fields["cable"] = scene.cable.model_copy(update={"EA": alpha * scene.horizontal_tension})
         if mu is not None:
@@ -197,7 +197,7 @@ class Scene(Described):
             raise SceneError([f"speed_ratio = {speed_ratio!r}: {why}"])
         return self.travel.faster(speed_ratio / self.speed_ratio)
 
-    def _with_shape(self, **shape: float) -> Self:
+    def _cold_with_shape(self, **shape: float) -> Self:
         """This scene, without temperature and ice, hung otherwise."""
         gone = {*SHAPES, "temperature", "reference_temperature", "expansion", "ice"}
         cable = {**self.cable.model_dump(exclude=gone), "mass_per_length": self.rho, **shape}

@@ -41,8 +41,8 @@ class Rest:
     haul: np.ndarray  # of the rope, along the mean tangent
 
     @property
-    def stretch(self) -> np.ndarray:
-        """<lam>, mean of both sides."""
+    def mean_stretch(self) -> np.ndarray:
+        """<lam> at the car, mean of both sides."""
         return 0.5 * (np.linalg.norm(self.slope_behind, axis=1) + np.linalg.norm(self.slope_ahead, axis=1))
 
 
@@ -159,7 +159,7 @@ class _TwoPieceStatics:
             dz = _solve_each(A, ends - g)
             size = np.linalg.norm(dz, axis=1) / (1.0 + np.linalg.norm(self.left_force, axis=1))
             if np.any(size > 1e-4):  # nearer, full steps are safe
-                dz *= self._step_length(dz, ends, g)[:, None]
+                dz *= self._downhill_step_lengths(dz, ends, g)[:, None]
             self.left_force = self.left_force + dz
             if np.all(size <= 1e-9):  # rounding next
                 break
@@ -169,7 +169,7 @@ class _TwoPieceStatics:
         behind = self.left_force - np.stack([np.zeros_like(s), groups.sigma * s], -1)
         self.sides = self._car_side(behind, groups), self._car_side(behind + jump, groups)
 
-    def _step_length(self, dz: np.ndarray, ends: np.ndarray, g: np.ndarray) -> np.ndarray:
+    def _downhill_step_lengths(self, dz: np.ndarray, ends: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Step (n,) along dz, halved while the integral that Newton's method minimises still rises."""
         start = self.left_force
         slope = ((ends - g) * dz).sum(1)

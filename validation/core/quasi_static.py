@@ -110,7 +110,7 @@ def _haul_force(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Arr
     more = g.mu * acceleration - drag
     weight = g.mu * g.sigma * tau[:, 0]  # across the tangent (n,)
     contact = weight + more[:, 0] * tau[:, 1] - more[:, 1] * tau[:, 0]
-    friction = g.drive.mu_r * (np.abs(contact) - np.abs(weight)) * size / (2.0 * r.stretch)
+    friction = g.drive.mu_r * (np.abs(contact) - np.abs(weight)) * size / (2.0 * r.mean_stretch)
     return r.haul + (more * tau).sum(1) + friction
 
 
