@@ -22,10 +22,10 @@ from cablefem.newmark import Array
 from cablefem.scene.contacts import Car
 
 STEP = 1e-30  # of derivatives by a complex step
-INPUTS = 12  # of `forces`: r' behind (2) and ahead (2), p. (2), p.. (2), F/M, phi, phi., phi..
+INPUTS = 12  # of `forces_on_cars`: r' behind (2) and ahead (2), p. (2), p.. (2), F/M, phi, phi., phi..
 
 
-class Cars(NamedTuple):
+class CarData(NamedTuple):
     """Data of the cars, (n,) each."""
 
     mass: Array
@@ -60,13 +60,22 @@ class ForcesOnCars(NamedTuple):
     air_power: Array  # [W] of the drag
 
 
-def cabin_data(car: Car, gravity: float) -> tuple[float, float, float, float]:
-    """m h, h, J + m h^2 and c of the cabin of a car that swings; zero without."""
+class SwingConstants(NamedTuple):
+    """Of the cabin of a car, see `CarData`; zero without."""
+
+    lever: float
+    arm: float
+    inertia: float
+    resistance: float
+
+
+def swing_constants(car: Car, gravity: float) -> SwingConstants:
     cabin = car.hanger
     if cabin is None:
-        return 0.0, 0.0, 0.0, 0.0
+        return SwingConstants(0.0, 0.0, 0.0, 0.0)
     lever = cabin.mass * cabin.length
-    return lever, cabin.length, cabin.inertia + lever * cabin.length, cabin.damping_moment_per_rate(gravity)
+    inertia = cabin.inertia + lever * cabin.length
+    return SwingConstants(lever, cabin.length, inertia, cabin.damping_moment_per_rate(gravity))
 
 
 def vector_length(x: Array) -> Array:
@@ -74,7 +83,7 @@ def vector_length(x: Array) -> Array:
     return np.sqrt(x[..., 0] ** 2 + x[..., 1] ** 2)
 
 
-def forces(cars: Cars, inputs: Array) -> ForcesOnCars:
+def forces_on_cars(cars: CarData, inputs: Array) -> ForcesOnCars:
     """Forces at inputs (..., n, INPUTS), which may be complex."""
     behind, ahead, velocity, acceleration = (inputs[..., i : i + 2] for i in (0, 2, 4, 6))
     angle, rate, turning = (inputs[..., i] for i in (9, 10, 11))
@@ -100,9 +109,9 @@ def forces(cars: Cars, inputs: Array) -> ForcesOnCars:
     return ForcesOnCars(contact, Q, tau, stretch, haul, drag, friction, normal, swing, dot(drag, cabin_velocity))
 
 
-def force_jacobian(cars: Cars, inputs: Array) -> Array:
+def force_jacobian(cars: CarData, inputs: Array) -> Array:
     """Derivatives (n, 4, INPUTS) of C, - Q and the row of phi by the inputs (n, INPUTS)."""
     shifted = inputs + 1j * STEP * np.eye(INPUTS)[:, None, :]  # (INPUTS, n, INPUTS)
-    at = forces(cars, shifted)
+    at = forces_on_cars(cars, shifted)
     values = np.concatenate([at.contact, -at.drive[..., None], at.swing[..., None]], axis=-1)  # (INPUTS, n, 4)
     return np.moveaxis(values.imag / STEP, 0, -1)

@@ -14,28 +14,31 @@ from cablefem.newmark import Array
 Indices = Any
 
 
-class Dense:
+class DenseMatrix:
     """A full matrix."""
 
     def __init__(self, matrix: Any) -> None:
-        self.matrix, self.kind = matrix, matrix.dtype
+        self.matrix, self.dtype = matrix, matrix.dtype
 
-    def add(self, rows: Indices, columns: Indices, block: Array) -> None:
+    def add_block(self, rows: Indices, columns: Indices, block: Array) -> None:
+        """Add a block (rows, columns)."""
         self.matrix[np.ix_(rows, columns)] += block
 
-    def add_row(self, to: int, i: int, factor: complex = 1.0) -> None:
-        self.matrix[to] += factor * self.matrix[i]
+    def add_multiple_of_row(self, source: int, target: int, factor: complex = 1.0) -> None:
+        """Add a factor times row `source` to row `target`."""
+        self.matrix[target] += factor * self.matrix[source]
 
-    def add_column(self, to: int, j: int, factor: complex) -> None:
-        self.matrix[:, to] += factor * self.matrix[:, j]
+    def add_multiple_of_column(self, source: int, target: int, factor: complex) -> None:
+        """Add a factor times column `source` to column `target`."""
+        self.matrix[:, target] += factor * self.matrix[:, source]
 
-    def tie_to_previous(self, j: int, factor: float) -> None:
+    def tie_unknown_to_previous(self, j: int, factor: float) -> None:
         """Let unknown j follow j - 1: add its row and its column to those before, times the factor."""
-        self.add_row(j - 1, j, factor)
-        self.add_column(j - 1, j, factor)
+        self.add_multiple_of_row(j, j - 1, factor)
+        self.add_multiple_of_column(j, j - 1, factor)
 
 
-class Bordered:
+class BandMatrix:
     """A band matrix of n unknowns with border rows and columns; numbers count through."""
 
     def __init__(self, n: int, band: int, border: int) -> None:
@@ -46,18 +49,18 @@ class Bordered:
         self.corner: Any = np.zeros((border, border))
 
     @property
-    def kind(self) -> Any:
+    def dtype(self) -> Any:
         """Type of its numbers."""
         return self.ab.dtype
 
-    def add_imaginary(self, other: Bordered) -> None:
+    def add_imaginary_part(self, other: BandMatrix) -> None:
         """Add 1j times another one."""
         self.ab = self.ab + 1j * other.ab
         self.columns = self.columns + 1j * other.columns
         self.rows = self.rows + 1j * other.rows
         self.corner = self.corner + 1j * other.corner
 
-    def add(self, rows: Indices, columns: Indices, block: Array) -> None:
+    def add_block(self, rows: Indices, columns: Indices, block: Array) -> None:
         """Add a block (rows, columns) inside the band, in the border rows or in the corner."""
         i, j = np.asarray(rows)[:, None], np.asarray(columns)
         if i[0] < self.n:
@@ -67,28 +70,29 @@ class Bordered:
         else:
             self.corner[i - self.n, j - self.n] += block
 
-    def _columns_in_band(self, i: int) -> Any:
+    def _columns_in_band(self, i: int) -> NDArray[np.intp]:
         """Numbers within the band beside i < n."""
         return np.arange(max(0, i - self.b), min(self.n, i + self.b + 1))
 
-    def add_row(self, to: int, i: int, factor: complex = 1.0) -> None:
-        """Add row i to the border row `to`."""
-        to = to - self.n
-        if i >= self.n:
-            self.rows[to] += factor * self.rows[i - self.n]
-            self.corner[to] += factor * self.corner[i - self.n]
+    def add_multiple_of_row(self, source: int, target: int, factor: complex = 1.0) -> None:
+        """Add a factor times row `source` to the border row `target`."""
+        to = target - self.n
+        if source >= self.n:
+            self.rows[to] += factor * self.rows[source - self.n]
+            self.corner[to] += factor * self.corner[source - self.n]
             return
-        j = self._columns_in_band(i)
-        self.rows[to, j] += factor * self.ab[2 * self.b + i - j, j]
-        self.corner[to] += factor * self.columns[i]
+        j = self._columns_in_band(source)
+        self.rows[to, j] += factor * self.ab[2 * self.b + source - j, j]
+        self.corner[to] += factor * self.columns[source]
 
-    def add_column(self, to: int, j: int, factor: complex) -> None:
-        """Add column j < n to the border column `to`."""
-        to, i = to - self.n, self._columns_in_band(j)
-        self.columns[i, to] += factor * self.ab[2 * self.b + i - j, j]
-        self.corner[:, to] += factor * self.rows[:, j]
+    def add_multiple_of_column(self, source: int, target: int, factor: complex) -> None:
+        """Add a factor times column `source` < n to the border column `target`."""
+        to = target - self.n
+        i = self._columns_in_band(source)
+        self.columns[i, to] += factor * self.ab[2 * self.b + i - source, source]
+        self.corner[:, to] += factor * self.rows[:, source]
 
-    def tie_to_previous(self, j: int, factor: float) -> None:
+    def tie_unknown_to_previous(self, j: int, factor: float) -> None:
         """Let unknown j < n follow j - 1: add its row and its column to those before, times the factor."""
         i = np.arange(max(0, j - self.b), min(self.n, j + self.b))
         self.ab[2 * self.b + j - 1 - i, i] += factor * self.ab[2 * self.b + j - i, i]
@@ -96,7 +100,7 @@ class Bordered:
         self.ab[2 * self.b + i - j + 1, j - 1] += factor * self.ab[2 * self.b + i - j, j]
         self.rows[:, j - 1] += factor * self.rows[:, j]
 
-    def fix_unknowns(self, at: NDArray[np.intp]) -> None:
+    def fix_unknowns_at_zero(self, at: NDArray[np.intp]) -> None:
         """Make rows and columns `at` zero but for ones on the diagonal: these unknowns drop out."""
         inner, border = at[at < self.n], at[at >= self.n] - self.n
         j = inner[:, None] + np.arange(-self.b, self.b + 1)
@@ -110,8 +114,8 @@ class Bordered:
         self.corner[border], self.corner[:, border] = 0.0, 0.0
         self.corner[border, border] = 1.0
 
-    def factorised(self) -> Callable[[Array], Array]:
-        """The solution as a function of the right-hand side."""
+    def factorise_in_place(self) -> Callable[[Array], Array]:
+        """Return the solution as a function of the right-hand side; the band is overwritten."""
         factor, substitute = get_lapack_funcs(("gbtrf", "gbtrs"), (self.ab,))
         lu, pivots, _ = factor(self.ab, self.b, self.b, overwrite_ab=True)
         from_border = substitute(lu, self.b, self.b, self.columns, pivots)[0]
@@ -125,4 +129,4 @@ class Bordered:
         return solve
 
 
-Matrix = Dense | Bordered
+Matrix = DenseMatrix | BandMatrix

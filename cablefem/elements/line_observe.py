@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 
-from cablefem.elements.bodies import Cars, forces
+from cablefem.elements.bodies import CarData, forces_on_cars
 from cablefem.elements.off_rope import CarOffRope
 from cablefem.elements.reference import lagrange_element, shape_polynomials
 from cablefem.elements.segments import Motion, dot
@@ -29,7 +29,7 @@ class _History:
         self.system, self.segments = system, system.segments
         self.t = np.array([x.t for x in states])
         self.phase = [x.phase for x in states]
-        coordinates = [system.coordinates_with_rates(*x) for x in states]
+        coordinates = [system.coordinates_from_unknowns(*x) for x in states]
         motions = [system.segment_motion(x) for x in coordinates]
         self.q, self.v, self.a = (np.array([x[i] for x in coordinates]) for i in range(3))  # (n, size)
         self.all = Motion(*(np.concatenate([m[i] for m in motions]) for i in range(6)))  # n K segments
@@ -145,7 +145,7 @@ def _car_motions(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]
     F_and_swing[:, system.of_force, 0] = x.a[:, system.force]
     F_and_swing[:, system.of_swing, 1:] = np.stack([z[:, system.swing] for z in (x.q, x.v, x.a)], axis=2)
     data = _car_data(x, x.q[:, slots], x.v[:, slots])
-    on = forces(data, np.concatenate([behind, ahead, velocity, acceleration, F_and_swing], axis=2))
+    on = forces_on_cars(data, np.concatenate([behind, ahead, velocity, acceleration, F_and_swing], axis=2))
     trolleys = {trolley.i: trolley for trolley in system.trolleys}
     along = np.sum(on.tau * velocity, axis=2)
     rows = x.ends[1][:, ks - 1] + x.ends[0][:, ks]
@@ -211,7 +211,7 @@ def _force_on_shoe(car: Car, point: Array, missing: Array) -> Array:
     return -dot(missing, downward_normals(car.rail, point[:, 0]))
 
 
-def _trolley_motion(x: _History, trolley: Trolley, data: Cars, grip: Array, powers: dict[str, Array]) -> CarMotion:
+def _trolley_motion(x: _History, trolley: Trolley, data: CarData, grip: Array, powers: dict[str, Array]) -> CarMotion:
     """Motion of a car on two wheels; adds its powers.  grip : row of s of the front wheel (n,)."""
     system, car, pair = x.system, trolley.car, [trolley.k - 1, trolley.k]
     nodes, slots = np.array(pair), system.s[pair]
@@ -256,7 +256,7 @@ def _trolley_motion(x: _History, trolley: Trolley, data: Cars, grip: Array, powe
     )  # fmt: skip
 
 
-def _car_data(x: _History, s: Array, ds: Array) -> Cars:
+def _car_data(x: _History, s: Array, ds: Array) -> CarData:
     """Data of the cars at all times, (n, cars)."""
     system = x.system
     each = [system.car_data(t, phase) for t, phase in zip(x.t.tolist(), x.phase, strict=True)]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cablefem.elements.bodies import INPUTS, Cars, ForcesOnCars, cabin_data, forces
+from cablefem.elements.bodies import INPUTS, CarData, ForcesOnCars, forces_on_cars, swing_constants
 from cablefem.elements.bordered import Matrix
-from cablefem.elements.segments import dot
+from cablefem.elements.segments import TangentFactors, dot
 from cablefem.newmark import Array
 from cablefem.scene.contacts import Car, MovingLine
 
@@ -23,13 +23,13 @@ class CarOffRope:
         self.saddle, self.swing = saddle, swing
         self.grips = car.drive_kind == "grip"
         none = np.zeros(1)
-        self.lever, arm, self.inertia, self.resistance = cabin_data(car, line.gravity)
-        self.data = Cars(
+        self.lever, arm, self.inertia, self.resistance = swing_constants(car, line.gravity)
+        self.data = CarData(
             none + car.mass, none + car.drive.k, none + car.drive.wind, none, none, none, none, none,
             none + self.lever, none + arm, none + self.inertia, none + self.resistance, line.gravity, none,
         )  # fmt: skip
 
-    def points(self, t: Array, z: Array, phase: int) -> Array:
+    def points_with_rates(self, t: Array, z: Array, phase: int) -> Array:
         """Its points with their rates (n, 3, 2) at the times t (n,), from coordinates with rates z (3, n, size)."""
         each = zip(t.tolist(), z[..., self.saddle].T, strict=True)
         return np.array([self.line.point_with_rates_off_rope(self.car, at, phase, s) for at, s in each])
@@ -42,35 +42,36 @@ class CarOffRope:
         inputs[:, 0, 4:8] = points[:, 1:].reshape(-1, 4)
         if self.swing is not None:
             inputs[:, 0, 9:12] = z[..., self.swing].T
-        return forces(self.data, inputs)
+        return forces_on_cars(self.data, inputs)
 
     def add_rows(self, rows: Array, t: Array, z: Array, phase: int) -> None:
         """Add to rows (n, size) at the times t (n,)."""
         if not self.grips and self.swing is None:
             return
-        on = self.forces(self.points(t, z, phase), z)
+        on = self.forces(self.points_with_rates(t, z, phase), z)
         if self.grips:
             rows[:, self.saddle] -= self.rail.stretch * dot(on.contact, on.tau)[:, 0]
         if self.swing is not None:
             rows[:, self.swing] = on.swing[:, 0]
 
-    def add_tangent(self, matrix: Matrix, angle: float, c: tuple[complex, complex, complex]) -> None:
+    def add_tangent(self, matrix: Matrix, angle: float, c: TangentFactors) -> None:
         """Add c0 d/dq + c1 d/dv + c2 d/da at an angle of the cabin; drag and motion of the point change little."""
         c0, c1, c2 = c
         saddle, stretch = [self.saddle], self.rail.stretch
         if self.grips:
-            matrix.add(saddle, saddle, np.array([[self.car.mass * stretch**2 * c2]]))
+            matrix.add_block(saddle, saddle, np.array([[self.car.mass * stretch**2 * c2]]))
         if self.swing is None:
             return
         stiffness = self.lever * self.line.gravity * np.cos(angle)
-        matrix.add([self.swing], [self.swing], np.array([[stiffness * c0 + self.resistance * c1 + self.inertia * c2]]))
+        of_swing = stiffness * c0 + self.resistance * c1 + self.inertia * c2
+        matrix.add_block([self.swing], [self.swing], np.array([[of_swing]]))
         if self.grips:
             slope = self.rail.depth_with_derivatives(0.5 * (self.rail.begin.x + self.rail.end.x))[1]
             along = (np.cos(angle) - slope * np.sin(angle)) / np.hypot(1.0, slope)  # of a turn forward
             coupling = np.array([[-self.lever * stretch * along * c2]])
-            matrix.add([self.swing], saddle, coupling)
-            matrix.add(saddle, [self.swing], coupling)
+            matrix.add_block([self.swing], saddle, coupling)
+            matrix.add_block(saddle, [self.swing], coupling)
 
-    def swing_by_jump(self, angle: Array, dv: Array) -> Array:
+    def swing_rate_jump(self, angle: Array, dv: Array) -> Array:
         """Jump of dphi/dt where the velocity of the point jumps by dv (2,)."""
         return -self.lever * (dv[0] * np.cos(angle) - dv[1] * np.sin(angle)) / self.inertia

@@ -7,9 +7,10 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.bodies import Cars
+from cablefem.elements.bodies import CarData
+from cablefem.elements.line_balance import LineBalance, RopeAndCars
+from cablefem.elements.line_coordinates import Coordinates
 from cablefem.elements.segments import Law
-from cablefem.elements.system import Coordinates, LineElements
 from cablefem.newmark import Array, StepFailure
 from cablefem.scene.contacts import Car, Contact, Wheel
 from cablefem.scene.line import Case, NoLineAtRest, Station, needed_counterweight_text
@@ -20,7 +21,7 @@ EXACT = 1e-10  # last step over the reach
 
 
 def coordinates_at_rest(
-    system: LineElements, t: float, phase: int, ahead: float = 0.0, start: Array | None = None
+    system: LineBalance, t: float, phase: int, ahead: float = 0.0, start: Array | None = None
 ) -> Array:
     """Coordinates (size,) at rest with the cars held where they are at t, and F/M of hauled cars.
 
@@ -46,14 +47,14 @@ def coordinates_at_rest(
     return q
 
 
-def coordinates_with_zero_rates(system: LineElements, q: Array) -> Coordinates:
+def coordinates_with_zero_rates(system: LineBalance, q: Array) -> Coordinates:
     """All coordinates at rest at q (size,); F/M acts as the acceleration of its slot."""
     z = np.zeros((3, system.size))
     z[0], z[2, system.force] = q, q[system.force]
     return system.fill_dependent_coordinates(z)
 
 
-def cars_at_rest(system: LineElements, t: float, phase: int) -> Cars:
+def car_data_at_rest(system: LineBalance, t: float, phase: int) -> CarData:
     """Cars at rest; hauled ones are about to move."""
     cars = system.car_data(t, phase)
     hauled = np.array([car.travel is not None for car in system.line.cars])
@@ -64,24 +65,22 @@ def cars_at_rest(system: LineElements, t: float, phase: int) -> Cars:
 
 
 def _solve_by_newton(
-    system: LineElements, t: float, phase: int, q: Array, free: NDArray[np.bool_], law: Array | None, enough: float
+    system: LineBalance, t: float, phase: int, q: Array, free: NDArray[np.bool_], law: Array | None, enough: float
 ) -> Array:
     points = np.array([c.point for c in system.line.supports])
     reach, bound = float(np.ptp(points[:, 0])), system.force_floor * np.sqrt(system.n_dof)
-    cars = cars_at_rest(system, t, phase)
+    rope_and_cars = RopeAndCars(system.law if law is None else law, car_data_at_rest(system, t, phase))
     moving = free.copy()
     moving[system.force] = False
 
     def rows(q: Array) -> Array:
-        return system.balance_rows(t, coordinates_with_zero_rates(system, q), phase, law, cars)[free]
+        return system.balance_rows(t, coordinates_with_zero_rates(system, q), phase, rope_and_cars)[free]
 
     r = rows(q)
     smallest_factor = 1e-4  # of damping
     for _ in range(60):  # of a stage
         before = np.linalg.norm(r)
-        solve = system.tangent_solver(
-            t, coordinates_with_zero_rates(system, q), phase, (1.0, 0.0, 0.0), free, law, cars
-        )
+        solve = system.tangent_solver(coordinates_with_zero_rates(system, q), rope_and_cars, (1.0, 0.0, 0.0), free)
         step = np.zeros(system.size)
         step[free] = solve(r)
         factor = 1.0
@@ -101,7 +100,7 @@ def _solve_by_newton(
     raise StepFailure(t, "no rest of the loaded line was found", "compare the rope's length with its contacts")
 
 
-def _soft_law(system: LineElements, N: Array, fraction: float) -> Array:
+def _soft_law(system: LineBalance, N: Array, fraction: float) -> Array:
     """The law (3, K, G) N = N_ref + EA_soft (lam - lam_ref), which keeps the length of a rope under N_ref (K,)."""
     law, N_ref = Law(*system.law), N[:, None]
     softest = 5.0  # first EA over the tension
@@ -112,7 +111,7 @@ def _soft_law(system: LineElements, N: Array, fraction: float) -> Array:
     return np.array([EA, N_r, (0.5 * (law.EA - EA) * more - N_r) * more])
 
 
-def _set_first_guess(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:
+def _set_first_guess(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> Array:
     """Set q to parabolas between guessed contacts; return tensions (K,) of the segments."""
     line, rope = system.line, system.line.rope
     x = _guess_x(system, q)
@@ -163,7 +162,7 @@ def _station_of(contact: Contact | Car | Wheel, x: float, gravity: float) -> Sta
     return Station(contact.name, contact.kind, x, y, contact.force or 0.0, contact.stiffness)
 
 
-def _guess_x(system: LineElements, q: Array) -> Array:
+def _guess_x(system: LineBalance, q: Array) -> Array:
     """x (contacts,) with cars of prescribed s along the chords of the contacts."""
     line = system.line
     points = np.array([c.point for c in line.supports])
@@ -182,7 +181,7 @@ def _guess_x(system: LineElements, q: Array) -> Array:
     return _order_cars_in_spans(system, x)
 
 
-def _order_cars_in_spans(system: LineElements, x: Array) -> Array:
+def _order_cars_in_spans(system: LineBalance, x: Array) -> Array:
     """x with the cars evenly ordered within their span, where they are not."""
     out = x.copy()
     for i, j in itertools.pairwise(system.supports):

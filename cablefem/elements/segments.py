@@ -27,6 +27,9 @@ DOWN = np.array([0.0, 1.0])
 STEP = 1e-30  # of derivatives by a complex step
 
 
+TangentFactors = tuple[complex, complex, complex]  # c0, c1, c2 of c0 dr/dq + c1 dr/dv + c2 dr/da
+
+
 class Motion(NamedTuple):
     """r, v, a of the nodes of K segments (K, nn, 2); s, ds, dds of their ends (K, 2)."""
 
@@ -147,7 +150,7 @@ class Segments:
         density = self.nodal_factors_and_end_rows(p) * self.weights[:, None]
         return self.values.T @ density[..., :2] + self.slopes.T @ density[..., 2:4], density[..., 4:].sum(axis=1).T
 
-    def tangent(self, x: Motion, law: Law, c: tuple[complex, complex, complex]) -> Array:
+    def tangent(self, x: Motion, law: Law, c: TangentFactors) -> Array:
         """D^T W J D: c0 d/dr + c1 d/dv + c2 d/da of the rows, (K, m, m) for m = 2 nn + 2 nodes' x, y and s.
 
         J (16, K, G, 6) holds the derivatives of `density`.

@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.bodies import STEP, Cars
+from cablefem.elements.bodies import STEP, CarData
+from cablefem.elements.segments import TangentFactors
 from cablefem.newmark import Array
 from cablefem.scene.contacts import Car
 
@@ -96,7 +97,7 @@ class Trolley:
         parts = [slopes, P, q[..., self.body[2:]], v[..., self.body], a[..., self.body], force[..., None]]
         return np.concatenate(parts, axis=-1).T
 
-    def forces(self, cars: Cars, inputs: Any) -> TrolleyForces:
+    def forces(self, cars: CarData, inputs: Any) -> TrolleyForces:
         """Forces on the car, and rows.
 
         inputs : (INPUTS, ...), which may be complex;  cars : data of all of them (..., cars).
@@ -139,9 +140,7 @@ class Trolley:
             haul=F * (cos * vx + sin * vy) + haul_turns * rate, drag=drag * (air * vx + vy * vy),
         )  # fmt: skip
 
-    def add_tangent(
-        self, matrix: Matrix, z: Sequence[Array], P: Array, cars: Cars, c: tuple[complex, complex, complex]
-    ) -> None:
+    def add_tangent(self, matrix: Matrix, z: Sequence[Array], P: Array, cars: CarData, c: TangentFactors) -> None:
         """Add c0 d/dq + c1 d/dv + c2 d/da of the rows; the nodes follow the body in the columns of `matrix`.
 
         What the pitch rate adds there to c1 and c2 is left out: it is of the order of the rate times the step.
@@ -150,22 +149,22 @@ class Trolley:
         y = self.force_inputs(z, P)
         rows = self.forces(cars, y[:, None] + 1j * STEP * np.eye(INPUTS)).rows
         by = np.array([row.imag / STEP for row in rows])  # (5, INPUTS)
-        factors = np.zeros((INPUTS, 4), matrix.kind)  # of X, th and F in the inputs
+        factors = np.zeros((INPUTS, 4), matrix.dtype)  # of X, th and F in the inputs
         factors[[13, 14, 15], [0, 1, 2]], factors[[16, 17, 18], [0, 1, 2]] = c1, c2
         factors[12, 2], factors[19, 3] = c0, c2 or 1.0
         count = 4 if self.force >= 0 else 3
-        matrix.add(self.rows, [*self.body, self.force][:count], (by @ factors)[:, :count])
+        matrix.add_block(self.rows, [*self.body, self.force][:count], (by @ factors)[:, :count])
         q, slopes = z[0], y[:8].reshape(4, 2)
         for side in range(4):
             by_slope = c0 / (q[self.ends[side, 1]] - q[self.ends[side, 0]]) * by[:, 2 * side : 2 * side + 2]
             block = self.shapes[side, :, None] * by_slope[:, None, :]  # (5, near, 2)
-            matrix.add(self.rows, self.near[side].ravel(), block.reshape(5, -1))
-            matrix.add(self.rows, self.ends[side], np.outer(by_slope @ slopes[side], [1.0, -1.0]))
+            matrix.add_block(self.rows, self.near[side].ravel(), block.reshape(5, -1))
+            matrix.add_block(self.rows, self.ends[side], np.outer(by_slope @ slopes[side], [1.0, -1.0]))
         b_sin, b_cos = self.wheels.base * math.sin(q[self.body[2]]), self.wheels.base * math.cos(q[self.body[2]])
         for axis, turned in enumerate((b_sin, -b_cos)):
             rear, front = self.points[:, axis]
-            matrix.add_column(self.body[axis], front, 1.0)
-            matrix.add_column(self.body[axis], rear, 1.0)
-            matrix.add_column(self.body[2], rear, turned)
+            matrix.add_multiple_of_column(front, self.body[axis], 1.0)
+            matrix.add_multiple_of_column(rear, self.body[axis], 1.0)
+            matrix.add_multiple_of_column(rear, self.body[2], turned)
         for row, slot in np.argwhere(by[:, 8:12]).tolist():
-            matrix.add_row(int(self.rows[row]), int(self.points.flat[slot]), by[row, 8 + slot])
+            matrix.add_multiple_of_row(int(self.points.flat[slot]), int(self.rows[row]), by[row, 8 + slot])

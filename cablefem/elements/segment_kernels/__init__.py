@@ -12,8 +12,8 @@ from cablefem.elements.segment_kernels import balance
 from cablefem.newmark import Array
 
 if TYPE_CHECKING:
-    from cablefem.elements.bodies import Cars
-    from cablefem.elements.bordered import Bordered
+    from cablefem.elements.bodies import CarData
+    from cablefem.elements.bordered import BandMatrix
     from cablefem.elements.segments import Segments
 
 
@@ -21,7 +21,7 @@ class Kernel:
     """Rows and tangent of segments and of cars on one contact each."""
 
     def __init__(self, segments: Segments, cars: Any, contacts: Any, slots: Sequence[Any], gravity: float) -> None:
-        """cars : their numbers among all.  slots : of F/M and of phi of these cars, or -1."""
+        """cars : their numbers among all;  contacts : theirs;  slots : of F/M and of phi of these cars, or -1."""
         points, first = segments.xi.size // segments.elements, segments.dofs[0]
         phi, phi_xi = (np.ascontiguousarray(x[:points, first]) for x in (segments.values, segments.slopes))
         xi = segments.xi.reshape(segments.elements, points)
@@ -30,9 +30,13 @@ class Kernel:
         self.rope = balance.Rope(segments.rho, segments.q)
         self.cars, self.contacts, self.gravity = cars, contacts, float(gravity)
         self.forces, self.swings = slots
-        self._known: tuple[Any, Any] = None, None  # the last cars and their data
+        self._known: tuple[Any, Any] = None, None  # the last data, and as an array
 
-    def _cars(self, cars: Cars) -> balance.Cars:
+    def _line(self, law: Array, cars: CarData) -> balance.Line:
+        return balance.Line(self.mesh, self.rope, law, self._kernel_cars(cars))
+
+    def _kernel_cars(self, cars: CarData) -> balance.Cars:
+        """The cars with their data, made once if the same `cars` come again."""
         if cars is self._known[0]:
             return self._known[1]
         shape = (cars.thrust + cars.hold).shape
@@ -45,15 +49,19 @@ class Kernel:
         return self._known[1]
 
     def add_rows_and_set_loads(
-        self, x: Sequence[Array], law: Array, cars: Cars, rows: Array, loads_and_min_tension: Array
+        self, x: Sequence[Array], law: Array, cars: CarData, rows: Array, loads_and_min_tension: Array
     ) -> None:
         """Add rows to (n, size), and set (n, cars + 1) to the loads [N] on the rope and the smallest tension.
 
         x : q, v, a of all coordinates (n, size); law : (3, K, G).
         """
-        balance.add_rows_and_set_loads(self.mesh, self.rope, law, self._cars(cars), *x, rows, loads_and_min_tension)
+        at = balance.Coordinates(*x)
+        balance.add_rows_and_set_loads(self._line(law, cars), at, rows, loads_and_min_tension)
 
-    def add_tangent(self, x: Sequence[Array], law: Array, cars: Cars, c: Array, matrix: Bordered) -> None:
-        """Add c0 d/dq + c1 d/dv + c2 d/da of the rows at one instant; x : q, v, a (size,); c : (4,) the last of F/M."""
-        border = balance.Border(matrix.ab, matrix.columns, matrix.rows, matrix.corner)
-        balance.add_tangent(self.mesh, self.rope, law, self._cars(cars), *x, tuple(c.tolist()), border)
+    def add_tangent(self, x: Sequence[Array], law: Array, cars: CarData, factors: Array, matrix: BandMatrix) -> None:
+        """Add c0 d/dq + c1 d/dv + c2 d/da of the rows at one instant; x : q, v, a (size,).
+
+        factors : (4,) c0, c1, c2, and that of F/M.
+        """
+        band = balance.Band(matrix.ab, matrix.columns, matrix.rows, matrix.corner)
+        balance.add_tangent(self._line(law, cars), balance.Coordinates(*x), tuple(factors.tolist()), band)

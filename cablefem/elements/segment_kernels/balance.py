@@ -11,7 +11,7 @@ from cablefem.compiled import compiling_decorator
 from cablefem.newmark import Array
 
 compiled, inner = compiling_decorator(__file__), compiling_decorator(__file__, inner=True)
-INPUTS = 12  # of `car_forces`, see `bodies`
+INPUTS = 12  # of `set_car_forces`, see `bodies`
 
 
 class Mesh(NamedTuple):
@@ -40,8 +40,25 @@ class Cars(NamedTuple):
     data: Array  # (1 or instants, m, 12) the first twelve of `bodies.Cars`
 
 
-class Border(NamedTuple):
-    """A bordered band, see `bordered.Bordered`."""
+class Line(NamedTuple):
+    """A rope in K segments, with cars."""
+
+    mesh: Mesh  # of each segment
+    rope: Rope
+    law: Array  # (3, K, G) EA, N_r, W_r
+    cars: Cars
+
+
+class Coordinates(NamedTuple):
+    """All coordinates with their rates, (size,) or (n, size) each; see `line_coordinates`."""
+
+    q: Array
+    v: Array
+    a: Array
+
+
+class Band(NamedTuple):
+    """A bordered band, see `bordered.BandMatrix`."""
 
     ab: Array
     columns: Array
@@ -50,7 +67,7 @@ class Border(NamedTuple):
 
 
 @inner
-def add(m, i, j, value):
+def add_entry(m: Band, i: int, j: int, value: float) -> None:
     n = m.ab.shape[1]
     b = (m.ab.shape[0] - 1) // 3
     if i < n and j < n:
@@ -64,44 +81,53 @@ def add(m, i, j, value):
 
 
 @inner
-def interpolate(mesh, q, v, a, first, e, g, f):
-    """Fill f (10,) with r, r_xi, v, v_xi, a at point g of element e; first : slot of the segment's first node."""
+def set_values_at_point(mesh: Mesh, x: Coordinates, first: int, e: int, g: int, f: Array) -> None:
+    """Set f (10,) to r, r_xi, v, v_xi, a at point g of element e; first : slot of the segment's first node."""
+    q, v, a = x
     f[:] = 0.0
     for i in range(mesh.dofs.shape[1]):
         slot = first + 2 * mesh.dofs[e, i]
-        for x in range(2):
-            f[x] += mesh.phi[g, i] * q[slot + x]
-            f[2 + x] += mesh.phi_xi[g, i] * q[slot + x]
-            f[4 + x] += mesh.phi[g, i] * v[slot + x]
-            f[6 + x] += mesh.phi_xi[g, i] * v[slot + x]
-            f[8 + x] += mesh.phi[g, i] * a[slot + x]
-
-
-@compiled
-def add_rows_and_set_loads(mesh, rope, law, cars, q, v, a, rows, loads_and_min_tension):
-    """Add the rows of all segments and cars at n instants to rows (n, size).
-
-    q, v, a : (n, size) of all coordinates; law : (3, K, G) EA, N_r, W_r.
-    loads_and_min_tension : (n, m + 1), is set: loads of the m cars, then the smallest tension.
-    """
-    for i in range(rows.shape[0]):
-        loads_and_min_tension[i, -1] = add_segments(mesh, rope, law, q[i], v[i], a[i], rows[i])
-        add_cars_and_set_loads(mesh, law.shape[1], cars, i, q[i], v[i], a[i], rows[i], loads_and_min_tension[i])
+        for axis in range(2):
+            f[axis] += mesh.phi[g, i] * q[slot + axis]
+            f[2 + axis] += mesh.phi_xi[g, i] * q[slot + axis]
+            f[4 + axis] += mesh.phi[g, i] * v[slot + axis]
+            f[6 + axis] += mesh.phi_xi[g, i] * v[slot + axis]
+            f[8 + axis] += mesh.phi[g, i] * a[slot + axis]
 
 
 @inner
-def add_segments(mesh, rope, law, q, v, a, rows):
+def first_slot_of_s(line: Line) -> int:
+    """Slot of s of the first contact; those of the nodes come before."""
+    return 2 * (line.law.shape[1] * (line.mesh.ends.shape[1] - 1) + 1)
+
+
+@compiled
+def add_rows_and_set_loads(line: Line, x: Coordinates, rows: Array, loads_and_min_tension: Array) -> None:
+    """Add the rows of all segments and cars at n instants to rows (n, size).
+
+    loads_and_min_tension : (n, m + 1), is set: loads of the m cars, then the smallest tension.
+    """
+    for i in range(rows.shape[0]):
+        at = Coordinates(x.q[i], x.v[i], x.a[i])
+        loads_and_min_tension[i, -1] = add_rope_rows(line, at, rows[i])
+        add_car_rows_and_set_loads(line, i, at, rows[i], loads_and_min_tension[i])
+
+
+@inner
+def add_rope_rows(line: Line, at: Coordinates, rows: Array) -> float:
     """Add the rows of the segments to rows (size,); return the smallest tension."""
+    mesh, rope, law, _ = line
+    q, v, a = at
     count = law.shape[1]
     elements, n_loc = mesh.dofs.shape
     nn = mesh.ends.shape[1]
-    S = 2 * (count * (nn - 1) + 1)
+    S = first_slot_of_s(line)
     f, by_a, by_b, lowest = np.empty(10), np.empty(2), np.empty(2), np.inf
     for k in range(count):
         h, dh = q[S + k + 1] - q[S + k], v[S + k + 1] - v[S + k]
         for e in range(elements):
             for g in range(mesh.weights.size):
-                interpolate(mesh, q, v, a, 2 * k * (nn - 1), e, g, f)
+                set_values_at_point(mesh, at, 2 * k * (nn - 1), e, g, f)
                 xi, weight = mesh.xi[e, g], mesh.weights[g]
                 c = v[S + k] * (1.0 - xi) + v[S + k + 1] * xi
                 dc = a[S + k] * (1.0 - xi) + a[S + k + 1] * xi
@@ -131,8 +157,8 @@ def add_segments(mesh, rope, law, q, v, a, rows):
 
 
 @inner
-def car_forces(car, gravity, y, out):
-    """C, Q, the load on the rope and the row of phi into out (5,) from y (INPUTS,), see `bodies`.
+def set_car_forces(car: Array, gravity: float, y: Array, out: Array) -> None:
+    """Set out (5,) to C, Q, the load on the rope and the row of phi, from y (INPUTS,), see `bodies`.
 
     car : the first twelve of `bodies.Cars`.
     """
@@ -158,11 +184,13 @@ def car_forces(car, gravity, y, out):
 
 
 @inner
-def set_slopes_and_motion_at_car(mesh, count, cars, j, q, v, a, y):
-    """Fill y (INPUTS,) for car j."""
+def set_slopes_and_motion_at_car(line: Line, j: int, at: Coordinates, y: Array) -> None:
+    """Set y (INPUTS,), the inputs of `bodies.forces_on_cars`, for car j."""
+    mesh, cars = line.mesh, line.cars
+    q, v, a = at
     k, force, swing = cars.contacts[j], cars.forces[j], cars.swings[j]
     nn = mesh.ends.shape[1]
-    S = 2 * (count * (nn - 1) + 1)
+    S = first_slot_of_s(line)
     y[:] = 0.0
     for side in range(2):  # behind, ahead
         segment, shapes = k - 1 + side, mesh.ends[1 - side]
@@ -180,16 +208,17 @@ def set_slopes_and_motion_at_car(mesh, count, cars, j, q, v, a, y):
 
 
 @inner
-def add_cars_and_set_loads(mesh, count, cars, i, q, v, a, rows, loads):
+def add_car_rows_and_set_loads(line: Line, i: int, at: Coordinates, rows: Array, loads: Array) -> None:
     """Add C, - Q and rows of phi of the cars at instant i; set their loads on the rope, the first m."""
-    nn = mesh.ends.shape[1]
-    S = 2 * (count * (nn - 1) + 1)
+    cars = line.cars
+    nn = line.mesh.ends.shape[1]
+    S = first_slot_of_s(line)
     y, out = np.empty(INPUTS, np.complex128), np.empty(5, np.complex128)
     data = cars.data[min(i, cars.data.shape[0] - 1)]
     for j in range(cars.contacts.size):
         k, swing = cars.contacts[j], cars.swings[j]
-        set_slopes_and_motion_at_car(mesh, count, cars, j, q, v, a, y)
-        car_forces(data[j], cars.gravity, y, out)
+        set_slopes_and_motion_at_car(line, j, at, y)
+        set_car_forces(data[j], cars.gravity, y, out)
         rows[2 * k * (nn - 1)] += out[0].real
         rows[2 * k * (nn - 1) + 1] += out[1].real
         rows[S + k] -= out[2].real
@@ -199,61 +228,93 @@ def add_cars_and_set_loads(mesh, count, cars, i, q, v, a, rows, loads):
 
 
 @inner
-def add_car_tangent(mesh, count, cars, q, v, a, factors, matrix):
-    c0, c1, c2, of_force = factors
-    nn = mesh.ends.shape[1]
-    S = 2 * (count * (nn - 1) + 1)
-    y, out = np.empty(INPUTS, np.complex128), np.empty(5, np.complex128)
-    by = np.zeros((4, INPUTS))
-    for i in range(cars.contacts.size):
-        k, force, swing = cars.contacts[i], cars.forces[i], cars.swings[i]
-        set_slopes_and_motion_at_car(mesh, count, cars, i, q, v, a, y)
-        for j in range(INPUTS if swing >= 0 else 9):
-            y[j] += 1e-30j
-            car_forces(cars.data[0, i], cars.gravity, y, out)
-            y[j] = y[j].real
-            by[0, j], by[1, j], by[2, j] = out[0].imag / 1e-30, out[1].imag / 1e-30, -out[2].imag / 1e-30
-            by[3, j] = out[4].imag / 1e-30
-        node = 2 * k * (nn - 1)
-        for row in range(4 if swing >= 0 else 3):
-            slot = (node, node + 1, S + k, swing)[row]
-            for side in range(2):
-                segment, shapes = k - 1 + side, mesh.ends[1 - side]
-                h = q[S + segment + 1] - q[S + segment]
-                by_h = 0.0
-                for x in range(2):
-                    factor = by[row, 2 * side + x] * c0 / h
-                    by_h -= factor * y[2 * side + x].real
-                    for m in range(nn):
-                        if shapes[m] != 0.0:
-                            add(matrix, slot, 2 * (segment * (nn - 1) + m) + x, factor * shapes[m])
-                add(matrix, slot, S + segment + 1, by_h)
-                add(matrix, slot, S + segment, -by_h)
-            for x in range(2):
-                add(matrix, slot, node + x, by[row, 4 + x] * c1 + by[row, 6 + x] * c2)
-            if force >= 0:
-                add(matrix, slot, force, by[row, 8] * of_force)
-            if swing >= 0:
-                add(matrix, slot, swing, by[row, 9] * c0 + by[row, 10] * c1 + by[row, 11] * c2)
-
-
-@compiled
-def add_tangent(mesh, rope, law, cars, q, v, a, c, matrix):
-    """Add c0 d/dq + c1 d/dv + c2 d/da of the rows at one instant, q, v, a (size,), see `Segments.tangent`.
-
-    c : c0, c1, c2, and the factor of forces F/M
-    """
-    add_rope_tangent(mesh, rope, law, q, v, a, c, matrix)
-    add_car_tangent(mesh, law.shape[1], cars, q, v, a, c, matrix)
+def set_car_jacobian(line: Line, j: int, y: Array, jacobian: Array) -> None:
+    """Set the derivatives (4, INPUTS) of C, - Q and the row of phi of car j by its inputs y (INPUTS,), complex."""
+    out = np.empty(5, np.complex128)
+    for i in range(INPUTS if line.cars.swings[j] >= 0 else 9):
+        y[i] += 1e-30j
+        set_car_forces(line.cars.data[0, j], line.cars.gravity, y, out)
+        y[i] = y[i].real
+        jacobian[0, i], jacobian[1, i] = out[0].imag / 1e-30, out[1].imag / 1e-30
+        jacobian[2, i], jacobian[3, i] = -out[2].imag / 1e-30, out[4].imag / 1e-30
 
 
 @inner
-def add_rope_tangent(mesh, rope, law, q, v, a, factors, matrix):
+def add_car_tangent(line: Line, at: Coordinates, factors: tuple[float, float, float, float], matrix: Band) -> None:
+    """Add the tangent of the rows of the cars at one instant; factors : see `add_tangent`."""
+    nn = line.mesh.ends.shape[1]
+    y = np.empty(INPUTS, np.complex128)
+    jacobian = np.zeros((4, INPUTS))
+    for j in range(line.cars.contacts.size):
+        k, swing = line.cars.contacts[j], line.cars.swings[j]
+        set_slopes_and_motion_at_car(line, j, at, y)
+        set_car_jacobian(line, j, y, jacobian)
+        node = 2 * k * (nn - 1)
+        slots = (node, node + 1, first_slot_of_s(line) + k, swing)
+        for row in range(4 if swing >= 0 else 3):
+            add_slopes_to_car_tangent(line, j, at, slots[row], jacobian[row], factors[0], matrix)
+            add_motion_to_car_tangent(line.cars, j, node, slots[row], jacobian[row], factors, matrix)
+
+
+@inner
+def add_slopes_to_car_tangent(
+    line: Line, j: int, at: Coordinates, slot: int, by_input: Array, c0: float, matrix: Band
+) -> None:
+    """Add what the slopes behind and ahead of car j give to the row of a slot; by_input : its row of the jacobian."""
+    nn = line.mesh.ends.shape[1]
+    S = first_slot_of_s(line)
+    for side in range(2):
+        segment, shapes = line.cars.contacts[j] - 1 + side, line.mesh.ends[1 - side]
+        h = at.q[S + segment + 1] - at.q[S + segment]
+        by_h = 0.0
+        for axis in range(2):
+            factor = by_input[2 * side + axis] * c0 / h
+            slope = 0.0
+            for m in range(nn):
+                slope += shapes[m] * at.q[2 * (segment * (nn - 1) + m) + axis] / h
+                if shapes[m] != 0.0:
+                    add_entry(matrix, slot, 2 * (segment * (nn - 1) + m) + axis, factor * shapes[m])
+            by_h -= factor * slope
+        add_entry(matrix, slot, S + segment + 1, by_h)
+        add_entry(matrix, slot, S + segment, -by_h)
+
+
+@inner
+def add_motion_to_car_tangent(
+    cars: Cars, j: int, node: int, slot: int, by_input: Array, factors: tuple[float, float, float, float],
+    matrix: Band,
+) -> None:  # fmt: skip
+    """Add what the motion of car j, its F/M and its swing give to the row of a slot; node : slot of its x."""
+    c0, c1, c2, of_force = factors
+    force, swing = cars.forces[j], cars.swings[j]
+    for axis in range(2):
+        add_entry(matrix, slot, node + axis, by_input[4 + axis] * c1 + by_input[6 + axis] * c2)
+    if force >= 0:
+        add_entry(matrix, slot, force, by_input[8] * of_force)
+    if swing >= 0:
+        add_entry(matrix, slot, swing, by_input[9] * c0 + by_input[10] * c1 + by_input[11] * c2)
+
+
+@compiled
+def add_tangent(line: Line, at: Coordinates, factors: tuple[float, float, float, float], matrix: Band) -> None:
+    """Add c0 d/dq + c1 d/dv + c2 d/da of the rows at one instant, see `Segments.tangent`.
+
+    factors : c0, c1, c2, and the factor of forces F/M
+    """
+    add_rope_tangent(line, at, factors, matrix)
+    add_car_tangent(line, at, factors, matrix)
+
+
+@inner
+def add_rope_tangent(line: Line, at: Coordinates, factors: tuple[float, float, float, float], matrix: Band) -> None:
+    """Add the tangent of the rows of the segments at one instant; factors : see `add_tangent`."""
+    mesh, rope, law, _ = line
+    q, v, a = at
     c0, c1, c2, _ = factors
     count = law.shape[1]
     elements, n_loc = mesh.dofs.shape
     nn = mesh.ends.shape[1]
-    S = 2 * (count * (nn - 1) + 1)
+    S = first_slot_of_s(line)
     f = np.empty(10)
     w, dw = np.empty(2), np.empty(2)
     w_s, dw_s = np.empty(2), np.empty(2)
@@ -264,7 +325,7 @@ def add_rope_tangent(mesh, rope, law, q, v, a, factors, matrix):
         h, dh = q[S + k + 1] - q[S + k], v[S + k + 1] - v[S + k]
         for e in range(elements):
             for g in range(mesh.weights.size):
-                interpolate(mesh, q, v, a, 2 * k * (nn - 1), e, g, f)
+                set_values_at_point(mesh, at, 2 * k * (nn - 1), e, g, f)
                 xi, weight = mesh.xi[e, g], mesh.weights[g]
                 c = v[S + k] * (1.0 - xi) + v[S + k + 1] * xi
                 dc = a[S + k] * (1.0 - xi) + a[S + k + 1] * xi

@@ -1,0 +1,332 @@
+"""Balance of a line in motion: rows of all coordinates, and the solution with their tangent."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+from cablefem.elements.bodies import INPUTS, CarData, force_jacobian, forces_on_cars, swing_constants
+from cablefem.elements.bordered import BandMatrix, DenseMatrix, Matrix
+from cablefem.elements.line_coordinates import Coordinates, LineCoordinates
+from cablefem.elements.segments import Law, Motion, TangentFactors
+from cablefem.newmark import Array, Solve
+from cablefem.scene.contacts import MovingLine
+
+if TYPE_CHECKING:
+    from cablefem.elements.segment_kernels import Kernel
+
+
+class RopeAndCars(NamedTuple):
+    """What the balance depends on beside the coordinates."""
+
+    law: Array  # (3, K, G) of the rope, see `segments.Law`
+    cars: CarData
+
+
+class LineBalance(LineCoordinates):
+    """The balance of a rope over contacts with cars.
+
+    compiled : loops of `segment_kernels` in the place of numpy.
+    """
+
+    def __init__(self, line: MovingLine, elements: int, degree: int, compiled: bool) -> None:
+        super().__init__(line, elements, degree)
+        self.compiled = compiled
+        count = len(self.nodes)
+        self.law = np.array(self.segments.law(count))  # (3, K, G)
+        self.band = 2 * degree + 1
+        # t, a, rows and loads at the last instant of the last residuals
+        self._last: tuple[float, Array, Array, Array] | None = None
+        self._steady: CarData | None = None  # data of cars that do not change
+        self._instants: tuple[Array, int, Array] | None = None  # t, phase, prescribed ones of the last residuals
+        outer = [(k, line.supports[k]) for k in (0, -1)]
+        springs = [(k, c) for k, c in outer if c.stiffness is not None]
+        self._springs = [(2 * int(self.node[k]) + np.arange(2), np.array(c.stiffness), c) for k, c in springs]
+        self._weights = [(int(self.s[k]), k) for k, c in outer if c.force is not None]
+        weights = [car.mass * line.gravity for car in line.cars]
+        self.force_scale = min(weights, default=line.weight_per_length * line.supports[-1].point[0])
+        self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
+        self._set_car_data()
+
+    def _set_car_data(self) -> None:
+        """Set data of the cars, and what changes of them: signs, brakes and hold."""
+        cars = self.line.cars
+        self._masses = np.array([c.mass for c in cars])
+        # a shoe has no friction
+        air = [(c.drive.k, c.drive.wind, c.drive.mu_r if c.rail is None else 0.0) for c in cars]
+        self._air = np.array(air).reshape(-1, 3).T
+        self._swings = np.array([swing_constants(car, self.line.gravity) for car in cars]).reshape(-1, 4).T
+        self._rolls = any(car.drive_kind == "free" for car in cars)
+        self.signs = np.array([self.line.travel_direction(c, 0) if c.travel else 1.0 for c in cars])
+        self.brakes = np.zeros(len(cars))  # [N] that act on free cars
+        self.rear_brakes = np.zeros(len(cars))  # [N] of them at the rear one of two wheels
+        self.hold = np.zeros(len(cars))  # [N] f that holds free cars at the start
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        from cablefem.elements.segment_kernels import Kernel  # slow to load
+
+        on_one, contacts = np.array(self.points, int), np.array(self.cars, int)
+        swings = np.full(len(contacts), -1)
+        swings[self.of_swing] = self.swing
+        slots = [self._force_slots[on_one], swings[on_one]]
+        return Kernel(self.segments, on_one, contacts[on_one], slots, self.line.gravity)
+
+    @property
+    def sticking_unknowns(self) -> list[int]:
+        """Numbers among the unknowns of s of cars that stick to the rope."""
+        return []
+
+    # --- rows --------------------------------------------------------------------------------------------------
+    def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
+        return self._select_unknown_rows(self.balance_rows(t, self.coordinates_from_unknowns(t, q, v, a, phase), phase))
+
+    def _select_unknown_rows(self, rows: Array) -> Array:
+        """Rows of the unknowns (..., n_dof), of rows (..., size); a car that sticks needs none, its s.. stays 0."""
+        out = rows[..., self._unknown]
+        out[..., self.sticking_unknowns] = 0.0
+        return out
+
+    def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
+        if not self.compiled:
+            return super().residuals(t, q, v, a, phase)
+        instants = self._instants
+        if instants is None or instants[0] is not t or instants[1] != phase:
+            prescribed = np.stack([self._cached_prescribed_coordinates(at, phase) for at in t.tolist()], axis=1)
+            instants = self._instants = t, phase, prescribed  # the same for all residuals of a step
+        z = instants[2].copy()  # (3, n, size)
+        z[..., self._unknown] = q, v, a
+        x = self.fill_dependent_coordinates(z)
+        rows = self.balance_rows(t, x, phase)
+        self._last = t.item(-1), a[-1], rows[-1], self.loads[-1]
+        return self._select_unknown_rows(rows)
+
+    def balance_rows(
+        self, t: Array | float, x: Coordinates, phase: int, rope_and_cars: RopeAndCars | None = None
+    ) -> Array:
+        """Rows of all coordinates (..., size): what is missing from balance; of prescribed ones the force they need.
+
+        x : (..., size) at the time or times t.  rope_and_cars : other than those of t.
+        """
+        law, cars = rope_and_cars or RopeAndCars(self.law, self.car_data(t, phase))
+        rows = self._rope_rows_noting_loads(x, law, cars)
+        self._add_support_rows(rows, x)
+        for trolley in self.trolleys:
+            y = trolley.force_inputs(x, rows[..., trolley.points.ravel()])
+            rows[..., trolley.rows] += np.stack(trolley.forces(cars, y).rows, axis=-1)
+        for slot, rail in self.rails:
+            rows[..., slot] += rail.depth_with_derivatives(x.q[..., slot])[1] * rows[..., slot + 1]
+        each, z = rows.reshape(-1, self.size), np.array(x).reshape(3, -1, self.size)
+        for car in self.off_rope.values():
+            car.add_rows(each, np.ravel(t), z, phase)
+        rows[..., self.force] = rows[..., self.force_rows]
+        return rows
+
+    def _rope_rows_noting_loads(self, x: Coordinates, law: Array, cars: CarData) -> Array:
+        """Rows (..., size) of segments and of cars on one contact; sets `loads` of these and the smallest tension."""
+        rows = np.zeros(x.q.shape)
+        each = rows.reshape(-1, self.size)
+        self.loads = np.empty((len(each), len(self.points) + 1))
+        if self.compiled:
+            at = [z.reshape(each.shape) for z in x]
+            self._kernel.add_rows_and_set_loads(at, law, cars, each, self.loads)
+        else:
+            self._add_rope_rows_by_numpy(rows, x, Law(*law), cars)
+        return rows
+
+    def _add_rope_rows_by_numpy(self, rows: Array, x: Coordinates, law: Law, cars: CarData) -> None:
+        m = self.segment_motion(x)
+        fields = self.segments.fields(self.segments.values_at_points(m), law)
+        nodes, ends = self.segments.residual(fields)
+        points = rows[: 2 * self.n].reshape(-1, 2)
+        points[:-1] += nodes[:, :-1].reshape(-1, 2)
+        points[self.node[1:]] += nodes[:, -1]
+        rows[self.s[:-1]] += ends[0]
+        rows[self.s[1:]] += ends[1]
+        if self.points:
+            at, k = forces_on_cars(cars, self.slopes_and_motion_at_cars(x, m)), np.array(self.cars, int)[self.points]
+            points[self.node[k]] += at.contact[self.points]
+            rows[self.s[k]] -= at.drive[self.points]
+            rows[self.swing] += at.swing[self.of_swing]
+            self.loads[0, :-1] = at.normal[self.points]
+        self.loads[0, -1] = fields.N.min()
+
+    def _add_support_rows(self, rows: Array, x: Coordinates) -> None:
+        for slots, stiffness, spring in self._springs:
+            rows[..., slots] += stiffness * (x.q[..., slots] - spring.point)
+        for slot, k in self._weights:
+            rows[..., slot] += self.counterweight_row(k, x.v[..., slot], x.a[..., slot])
+
+    def _counterweight_mass_and_sign(self, end: int, force: float) -> tuple[float, float]:
+        """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
+        return force / self.line.gravity * (1.0 + force / self.line.rope.EA), 1.0 if end else -1.0
+
+    def counterweight_row(self, end: int, ds: Array, dds: Array) -> Array:
+        """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds, at end 0 or -1.
+
+        ds, dds : rates of s there; the rope that passes takes the energy of its weight and its motion along.
+        """
+        contact, EA = self.line.supports[end], self.line.rope.EA
+        force = contact.force or 0.0
+        mass, sign = self._counterweight_mass_and_sign(end, force)
+        N = force + sign * mass * dds
+        speed = ds * (1.0 + N / EA)
+        entering = self.line.weight_per_length * contact.point[1] - 0.5 * self.segments.rho * speed**2
+        return sign * (N + N**2 / (2.0 * EA) + entering)
+
+    def slopes_and_motion_at_cars(self, x: Coordinates, m: Motion) -> Array:
+        """Slopes beside each car, its v and a, F/M and the swing (cars, INPUTS), for `bodies.forces`."""
+        out = np.zeros((len(self.cars), INPUTS))
+        if self.cars:
+            left, right = self.segments.slopes_at_ends(m)
+            k = np.array(self.cars)
+            out[:, 0:2], out[:, 2:4], out[:, 4:6], out[:, 6:8] = right[k - 1], left[k], m.v[k, 0], m.a[k, 0]
+            out[self.of_force, 8] = x.a[self.force]
+            out[self.of_swing, 9:12] = np.stack([z[self.swing] for z in x], axis=1)
+        return out
+
+    def car_data(self, t: Array | float, phase: int) -> CarData:
+        """Data at the time or at times t (n,); thrust and hold are (n, cars) then, if a car rolls freely."""
+        if self._steady is not None:
+            return self._steady
+        cars, line = self.line.cars, self.line
+        thrust = released = np.zeros(len(cars))
+        if self._rolls:
+            times = np.ravel(t).tolist()
+            thrust, released = np.empty((2, *np.shape(t), len(cars)))
+            for i, car in enumerate(cars):
+                thrust[..., i] = np.reshape([line.thrust(car, at, phase) for at in times], np.shape(t))
+                released[..., i] = np.reshape([car.drive.remaining_hold_fraction(at) for at in times], np.shape(t))
+        k, wind, friction = self._air
+        lever, arm, inertia, resistance = self._swings
+        data = CarData(
+            self._masses, k, wind, friction, thrust, self.brakes, self.hold * released, self.signs, lever, arm,
+            inertia, resistance, line.gravity, self.rear_brakes,
+        )  # fmt: skip
+        self._steady = None if self._rolls else data
+        return data
+
+    # --- tangent ---------------------------------------------------------------------------------------------
+    def linearise(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
+    ) -> tuple[Array, Solve]:
+        x = self.coordinates_from_unknowns(t, q, v, a, phase)
+        rows = self._select_unknown_rows(self.balance_rows(t, x, phase))
+        return rows, self._solver_of_unknowns(t, x, phase, (c0, c1, c2))
+
+    def factorised_tangent(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
+    ) -> Solve:
+        return self._solver_of_unknowns(t, self.coordinates_from_unknowns(t, q, v, a, phase), phase, (c0, c1, c2))
+
+    def _solver_of_unknowns(self, t: float, x: Coordinates, phase: int, c: TangentFactors) -> Solve:
+        """The solution for all unknowns, 0 for s of cars that stick."""
+        sticking = self.sticking_unknowns
+        moving = self.free.copy()
+        moving[self._unknown[sticking]] = False
+        solve_moving = self.tangent_solver(x, RopeAndCars(self.law, self.car_data(t, phase)), c, moving)
+        if not sticking:
+            return solve_moving
+
+        def solve(b: Array) -> Array:
+            return np.insert(solve_moving(np.delete(b, sticking)), gaps, 0.0)
+
+        gaps = np.array(sticking) - np.arange(len(sticking))  # places of the zeros among the others
+        return solve
+
+    def tangent_solver(
+        self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: NDArray[np.bool_]
+    ) -> Solve:
+        """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free coordinates; without c2 forces F/M count once."""
+        law, cars = rope_and_cars
+        rope_rows = self._rope_rows_noting_loads(x, law, cars) if self.trolleys else np.empty(0)
+        if not self.compiled:
+            return self._sparse_tangent_solver(x, rope_and_cars, c, free, rope_rows)
+        factors = np.array([*c, c[2] or 1.0])
+        matrix = BandMatrix(2 * self.n, self.band, self.size - 2 * self.n)
+        self._kernel.add_tangent(x, law, cars, factors.real, matrix)
+        if np.iscomplexobj(factors):  # real loops twice: compiled once
+            other = BandMatrix(2 * self.n, self.band, self.size - 2 * self.n)
+            self._kernel.add_tangent(x, law, cars, factors.imag, other)
+            matrix.add_imaginary_part(other)
+        self._add_contact_tangents(matrix, x, rope_rows, cars, c)
+        matrix.fix_unknowns_at_zero(np.flatnonzero(np.logical_not(free)))
+        solve_all, unknown = matrix.factorise_in_place(), np.flatnonzero(free)
+
+        def solve(b: Array) -> Array:
+            full = np.zeros(free.size, b.dtype)
+            full[unknown] = b
+            return solve_all(full)[unknown]
+
+        return solve
+
+    def _sparse_tangent_solver(
+        self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: NDArray[np.bool_], rope_rows: Array
+    ) -> Solve:
+        """`tangent_solver` by numpy and a sparse factorisation."""
+        law, cars = rope_and_cars
+        m = self.segment_motion(x)
+        parts = self.segments.tangent(m, Law(*law), c)
+        own = (2 * self.nodes[..., None] + np.arange(2)).reshape(len(self.nodes), -1)
+        slots = np.column_stack([own, self.s[:-1], self.s[1:]])  # (K, m)
+        matrix = np.zeros((self.size, self.size), parts.dtype)
+        np.add.at(matrix, (slots[:, :, None], slots[:, None, :]), parts)
+        if self.points:
+            self._add_car_tangent(DenseMatrix(matrix), force_jacobian(cars, self.slopes_and_motion_at_cars(x, m)), m, c)
+        self._add_contact_tangents(DenseMatrix(matrix), x, rope_rows, cars, c)
+        return splu(csc_array(matrix[free][:, free])).solve
+
+    def _add_contact_tangents(
+        self, matrix: Matrix, x: Coordinates, rope_rows: Array, cars: CarData, c: TangentFactors
+    ) -> None:
+        """Add supports, cars on two wheels, and the rows that determine F."""
+        for slot, value in self._support_tangent_diagonal(x, c):
+            matrix.add_block([slot], [slot], np.array([[value]]))
+        for trolley in self.trolleys:
+            trolley.add_tangent(matrix, x, rope_rows[trolley.points.ravel()], cars, c)
+        for slot, rail in self.rails:
+            matrix.tie_unknown_to_previous(slot + 1, rail.depth_with_derivatives(x.q[slot])[1])
+        for car in self.off_rope.values():
+            car.add_tangent(matrix, x.q[car.swing] if car.swing is not None else 0.0, c)
+        for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):
+            matrix.add_multiple_of_row(row, slot)
+
+    def _support_tangent_diagonal(self, x: Coordinates, c: TangentFactors) -> Iterator[tuple[int, complex]]:
+        """Diagonal entries of springs and counterweights."""
+        (c0, c1, c2), EA, rho = c, self.line.rope.EA, self.segments.rho
+        for slots, stiffnesses, _ in self._springs:
+            for slot, stiffness in zip(slots.tolist(), stiffnesses.tolist(), strict=True):
+                yield slot, stiffness * c0
+        for slot, k in self._weights:
+            force = self.line.supports[k].force or 0.0
+            mass, sign = self._counterweight_mass_and_sign(k, force)
+            ds, lam = x.v[slot], 1.0 + (force + sign * mass * x.a[slot]) / EA
+            yield slot, mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
+
+    def _add_car_tangent(self, matrix: DenseMatrix, by_input: Array, m: Motion, c: TangentFactors) -> None:
+        """Add the chain of `force_jacobian` (n, 4, INPUTS) and of the inputs by the coordinates."""
+        (c0, c1, c2), slopes = c, self.segments.slopes_at_ends(m)
+        for i in self.points:
+            k = self.cars[i]
+            inputs = np.zeros((INPUTS, self.size), matrix.dtype)
+            point = 2 * self.node[k] + np.arange(2)
+            for side in range(2):  # behind, ahead
+                j, end = k - 1 + side, 1 - side
+                for axis in range(2):
+                    row = inputs[2 * side + axis]
+                    row[2 * self.nodes[j] + axis] = c0 / m.h[j, 0] * self.segments.end_slopes[end]
+                    row[self.s[[j, j + 1]]] += c0 / m.h[j, 0] * slopes[end, j, axis] * np.array([1.0, -1.0])
+            inputs[[4, 5], point], inputs[[6, 7], point] = c1, c2
+            inputs[8, self.force[self.of_force == i]] = c2 or 1.0
+            swing = self.swing[np.equal(self.of_swing, i)]
+            for row, factor in zip(inputs[9:], c, strict=True):
+                row[swing] = factor
+            rows = [*point, self.s[k], *swing]
+            matrix.matrix[rows] += by_input[i, : len(rows)] @ inputs

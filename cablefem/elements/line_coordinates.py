@@ -1,0 +1,166 @@
+"""Coordinates of a line in motion: which there are, which are prescribed, and which follow from others.
+
+They are x and y of the nodes, s of the contacts, F/M of hauled cars, swing of cabins, point and pitch of cars on two
+wheels; a slot is the index of one.  F/M is an acceleration.  Prescribed coordinates drop out; the row that a prescribed
+one leaves determines F.  The nodes at two wheels follow their car.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablefem.elements.off_rope import CarOffRope
+from cablefem.elements.segments import Motion, Segments
+from cablefem.elements.trolley import Trolley
+from cablefem.newmark import Array, System
+from cablefem.scene.contacts import Car, Contact, MovingLine, Wheel
+
+CACHED_INSTANTS = 8  # instants whose prescribed coordinates are kept: a step's nodes are evaluated several times
+
+
+class Coordinates(NamedTuple):
+    """Positions, velocities and accelerations of all coordinates, (..., size) each."""
+
+    q: Array
+    v: Array
+    a: Array
+
+
+class LineCoordinates(System):
+    """The coordinates of a rope over contacts with cars; `elements` of `degree` on each segment."""
+
+    def __init__(self, line: MovingLine, elements: int, degree: int) -> None:
+        self.line = line
+        count = len(line.contacts_and_wheels) - 1
+        self.segments = Segments(line.rope, line.gravity, elements, degree)
+        self.phases = line.phases
+        self.node = (self.segments.nn - 1) * np.arange(count + 1)  # of each contact
+        self.nodes = self.node[:-1, None] + np.arange(self.segments.nn)  # of each segment, (K, nn)
+        self.n = int(self.node[-1]) + 1
+        self._number_slots()
+        self._number_body_slots(int(self.s[-1]) + 1 + len(self.force))
+        hauled = [self.cars[i] for i in self.of_force]
+        self.force_rows = np.array([self.travel_slot(k) for k in hauled], int)  # rows that determine F
+        self._set_rails_and_cars_off_rope()
+        self._set_prescribed_coordinates()
+        self._prescribed_cache: dict[tuple[float, int], Array] = {}
+        self._unknown = np.flatnonzero(self.free)
+        self.n_dof = self._unknown.size
+
+    def _number_slots(self) -> None:
+        """Number contacts of cars and supports, and the slots of s and F/M."""
+        touching = list(enumerate(self.line.contacts_and_wheels))
+        # contact of each car; of two wheels the front one
+        self.cars = [k for k, c in touching if isinstance(c, Car) or (isinstance(c, Wheel) and c.front)]
+        self.supports = [k for k, c in touching if isinstance(c, Contact)]
+        self.s = 2 * self.n + np.arange(self.node.size)  # slots of s
+        hauled = [k for k, car in zip(self.cars, self.line.cars, strict=True) if car.drive.mode == "haul"]
+        self.force = self.s[-1] + 1 + np.arange(len(hauled))  # slots of F/M
+        self.of_force = np.searchsorted(self.cars, hauled)  # their numbers among the cars
+
+    @property
+    def _force_slots(self) -> NDArray[np.intp]:
+        """Slots of F/M of the cars, or -1."""
+        slots = np.full(len(self.cars), -1)
+        slots[self.of_force] = self.force
+        return slots
+
+    def _number_body_slots(self, first: int) -> None:
+        """Give cabins and cars on two wheels their slots, from `first` on."""
+        cars = list(enumerate(self.line.cars))
+        self.of_swing = [i for i, car in cars if car.hanger is not None]
+        self.swing = first + np.arange(len(self.of_swing))  # slots of phi
+        first += len(self.of_swing)
+        self.trolleys = [Trolley(car, i, self.cars[i]) for i, car in cars if car.wheels is not None]
+        for trolley in self.trolleys:
+            force = int(self._force_slots[trolley.i])
+            trolley.set_slots(first + np.arange(3), force, self.nodes, self.s, self.segments.end_slopes)
+            first += 3
+        swinging = self.line.swinging_cars_off_rope
+        self.swing_off_rope = {car.name: first + i for i, car in enumerate(swinging)}  # slots of phi
+        self.size = first + len(self.swing_off_rope)
+        self.points = [i for i, car in cars if car.wheels is None]  # numbers of the cars on one contact
+
+    def _set_rails_and_cars_off_rope(self) -> None:
+        line = self.line
+        rails = zip(self.node[self.cars].tolist(), line.cars, strict=True)
+        self.rails = [(2 * node, car.rail) for node, car in rails if car.rail is not None]  # slots of x
+        saddles = {line.contacts_and_wheels[k].name: int(self.s[k]) for k in self.supports}  # slots of s
+        self.off_rope = {
+            car.name: CarOffRope(line, car, saddles[car.rail.saddle], self.swing_off_rope.get(car.name))
+            for car in line.over
+            if car.rail is not None
+        }
+
+    def travel_slot(self, k: int) -> int:
+        """Slot that the travel of the car at contact k prescribes."""
+        i = self.cars.index(k)
+        if self.line.cars[i].drive_kind != "haul_x":
+            return int(self.s[k])
+        return next((int(x.body[0]) for x in self.trolleys if x.i == i), 2 * int(self.node[k]))
+
+    def _set_prescribed_coordinates(self) -> None:
+        """Set which coordinates are free, constants of the others, and the slots that travels prescribe."""
+        self.free = np.ones(self.size, bool)
+        self.constant = np.zeros(self.size)
+        self.prescribed: list[tuple[Car, int]] = []
+        for k, contact in enumerate(self.line.contacts_and_wheels):
+            point = 2 * self.node[k] + np.arange(2)
+            if isinstance(contact, Contact):
+                self._prescribe_support(k, contact)
+            elif isinstance(contact, Wheel):
+                self.free[point] = False
+            elif contact.rail is not None:
+                self.free[point[1]] = False
+        for k, car in zip(self.cars, self.line.cars, strict=True):
+            if car.travel is not None:
+                self.free[self.travel_slot(k)] = False
+                self.prescribed.append((car, self.travel_slot(k)))
+
+    def _prescribe_support(self, k: int, support: Contact) -> None:
+        point = 2 * self.node[k] + np.arange(2)
+        if support.kind != "spring":
+            self.free[point] = False
+            self.constant[point] = support.point
+        if support.kind in ("anchor", "spring"):
+            self.free[self.s[k]] = False
+            self.constant[self.s[k]] = (self.line.rope.length or 0.0) if k else 0.0
+
+    def prescribed_coordinates(self, t: float, phase: int) -> Coordinates:
+        """Coordinates with what is prescribed at t; zero elsewhere."""
+        return Coordinates(*self._cached_prescribed_coordinates(t, phase).copy())
+
+    def _cached_prescribed_coordinates(self, t: float, phase: int) -> Array:
+        """The same as an array (3, size), which is not to be changed."""
+        if (t, phase) not in self._prescribed_cache:
+            if len(self._prescribed_cache) >= CACHED_INSTANTS:
+                self._prescribed_cache.clear()
+            out = np.zeros((3, self.size))
+            out[0] = self.constant
+            for car, slot in self.prescribed:
+                out[:, slot] = self.line.position_with_rates(car, t, phase)
+            self._prescribed_cache[t, phase] = out
+        return self._prescribed_cache[t, phase]
+
+    def coordinates_from_unknowns(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Coordinates:
+        """All coordinates, from the unknowns and what is prescribed at t."""
+        out = self._cached_prescribed_coordinates(t, phase).copy()
+        out[:, self._unknown] = q, v, a
+        return self.fill_dependent_coordinates(out)
+
+    def fill_dependent_coordinates(self, z: Array) -> Coordinates:
+        """Coordinates of z (3, ..., size), where wheels are set to follow their cars, and cars on shoes their rails."""
+        for trolley in self.trolleys:
+            trolley.set_wheel_points(z)
+        for x, rail in self.rails:
+            z[..., x + 1] = rail.y_with_rates(z[..., x])
+        return Coordinates(*z)
+
+    def segment_motion(self, x: Coordinates) -> Motion:
+        """Motion of the segments at one instant; x : (size,) each."""
+        nodal = [z[: 2 * self.n].reshape(-1, 2)[self.nodes] for z in x]
+        ends = [np.stack([z[self.s[:-1]], z[self.s[1:]]], axis=1) for z in x]
+        return Motion(*nodal, *ends)
