@@ -135,7 +135,8 @@ def relative_path_distances(a: MassPath, b: MassPath, window: Window) -> PathDis
     first = np.stack([getattr(coarse, u), getattr(coarse, v)], axis=1)  # (n, 2)
     second = np.stack([getattr(fine, u), getattr(fine, v)], axis=1)
     gap = (first - _splined_to_steps(coarse, fine, second))[within] / b.path_scale
-    return PathDistances(coarse.t[within], coarse.s_o[within] / coarse.length, np.hypot(gap[:, 0], gap[:, 1]))
+    position = coarse.s_o[within] / coarse.length
+    return PathDistances(coarse.t[within], position, np.hypot(gap[:, 0], gap[:, 1]))
 
 
 def _fewer_steps_first(a: AnyRun, b: AnyRun) -> tuple[AnyRun, AnyRun]:
@@ -159,12 +160,14 @@ def _time_mean(t: Array, values: Array) -> Array:
 def common_frames(a: Response, b: Response, window: Window) -> CommonFrames:
     """The frames of the fields in the window that both runs have.  Raises NotComparable where there is none."""
     stations = a.fields.s
-    if stations.shape != b.fields.s.shape or np.abs(stations - b.fields.s).max() > 1e-9 * a.length:
+    others = b.fields.s
+    if stations.shape != others.shape or np.abs(stations - others).max() > 1e-9 * a.length:
         raise NotComparable("the tension fields are given at different stations")
     marks = [np.round(r.fields.s_o / r.length, 9) for r in (a, b)]
     stops = any(np.unique(x).size < x.size for x in marks)  # then frames are common at the same instants
     if a.drive == "free" or stops:
-        marks = [np.round(r.fields.t / max(a.t[-1], b.t[-1]), 9) for r in (a, b)]
+        last = max(a.t[-1], b.t[-1])
+        marks = [np.round(r.fields.t / last, 9) for r in (a, b)]
     _, i, j = np.intersect1d(marks[0], marks[1], return_indices=True)
     position = np.round(a.fields.s_o[i] / a.length, 9)
     within = (position >= window[0]) & (position <= window[1])
@@ -177,7 +180,9 @@ def rms_tension_gap(a: Response, b: Response, window: Window, field: str = "T") 
     """Rms gap of two tension fields over frames in the window, off the mass, over H;  field : a name of `Fields`."""
     position, i, j = common_frames(a, b, window)
     off_mass = np.abs(a.fields.s / a.length - position[:, None]) >= JUMP_WIDTH  # (frames, stations)
-    gap = (getattr(a.fields, field)[i] - getattr(b.fields, field)[j])[off_mass]
+    first = getattr(a.fields, field)[i]
+    second = getattr(b.fields, field)[j]
+    gap = (first - second)[off_mass]
     return float(np.sqrt(np.mean(gap**2))) / b.horizontal_tension
 
 
@@ -254,10 +259,12 @@ def _piecewise_spline(t: Array, values: Array, kinks: Sequence[float], at: Array
     from scipy.interpolate import CubicSpline
 
     out = np.empty((at.size, values.shape[1]))
-    ends = np.unique([0, *np.searchsorted(t, kinks).clip(0, t.size - 1), t.size - 1])
+    last = t.size - 1
+    ends = np.unique([0, *np.searchsorted(t, kinks).clip(0, last), last])
     for a, b in pairwise(ends.tolist()):
         piece = (at >= t[a]) & (at <= t[b])
-        out[piece] = CubicSpline(t[a : b + 1], values[a : b + 1], axis=0)(at[piece])
+        spline = CubicSpline(t[a : b + 1], values[a : b + 1], axis=0)
+        out[piece] = spline(at[piece])
     return out
 
 

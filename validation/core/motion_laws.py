@@ -68,16 +68,16 @@ class SampledMotion:
         self.cars = list(motion.cars)
         self.contacts = list(motion.contacts)
         self.bodies = [CarBody(line.cars[car.name], car, motion, self.at_samples, line.gravity) for car in self.cars]
-        bodies = contacts_cars_and_rear_wheels(motion)
+        touching = contacts_cars_and_rear_wheels(motion)
         first = self.contacts[0]
         tension = self.at_samples(motion.tension)
-        here = np.isfinite(tension)
-        s = np.where(here, motion.s, self.at_samples(first.s)[:, None])
-        points = np.where(here[..., None], self.at_samples(motion.points), self.at_samples(first.point)[:, None])
-        tension = np.where(here, tension, self.at_samples(first.tension_ahead)[:, None])
-        s = np.concatenate([s, *(self.at_samples(x.s)[:, None] for x in bodies)], axis=1)
-        points = np.concatenate([points, *(self.at_samples(x.point)[:, None] for x in bodies)], axis=1)
-        tension = np.concatenate([tension, *(self.mean_tension_at(x)[:, None] for x in bodies)], axis=1)
+        here = np.isfinite(tension)  # stations on the rope; the others are put at the first contact
+        s = np.where(here, motion.s, self._column(first.s))
+        points = np.where(here[..., None], self.at_samples(motion.points), self._column(first.point))
+        tension = np.where(here, tension, self._column(first.tension_ahead))
+        s = np.concatenate([s, *(self._column(x.s) for x in touching)], axis=1)
+        points = np.concatenate([points, *(self._column(x.point) for x in touching)], axis=1)
+        tension = np.concatenate([tension, *(self.mean_tension_at(x)[:, None] for x in touching)], axis=1)
         order = np.argsort(s, axis=1, kind="stable")
         self.ds = np.diff(np.take_along_axis(s, order, axis=1), axis=1)  # (n, k - 1)
         chain = np.take_along_axis(points, order[..., None], axis=1)
@@ -88,6 +88,10 @@ class SampledMotion:
 
     def at_samples(self, values: Array) -> Array:
         return np.asarray(values[self.taken])
+
+    def _column(self, values: Array) -> Array:
+        """Values (n, ...) at samples as one station (n, 1, ...)."""
+        return self.at_samples(values)[:, None]
 
     def mean_tension_at(self, contact: Any) -> Array:
         """Mean (n,) [N] of the tensions behind and ahead, or the only one."""
@@ -163,10 +167,9 @@ def momentum_defects_by_window(toml: str, motion: Any, end: float, every: int = 
         force -= x.at_samples(contact.pressure)
     first = x.contacts[0]
     last = x.contacts[-1]
-    entering = line.rho * (
-        x.at_samples(last.point) * x.at_samples(last.ds)[:, None]
-        - x.at_samples(first.point) * x.at_samples(first.ds)[:, None]
-    )
+    at_last = x.at_samples(last.point) * x.at_samples(last.ds)[:, None]  # (n, 2)
+    at_first = x.at_samples(first.point) * x.at_samples(first.ds)[:, None]
+    entering = line.rho * (at_last - at_first)
     largest = max(float(np.max(x.mean_tension_at(body))) for body in (*x.contacts, *x.cars))
     out = []
     for part, W, W1, W2 in _smooth_windows(x.t, end):
@@ -175,7 +178,8 @@ def momentum_defects_by_window(toml: str, motion: Any, end: float, every: int = 
         share = ((t - t[0]) / (t[-1] - t[0]))[:, None]
         m = m - (m[0] + share * (m[-1] - m[0]))  # W'' and a linear function have no integral
         rate = W2[:, None] * m + W1[:, None] * (entering[part] - impulse[part])
-        out.append(_time_integral(t, rate - W[:, None] * force[part]) / (_time_integral(t, W) * largest))
+        defect = _time_integral(t, rate - W[:, None] * force[part])
+        out.append(defect / (_time_integral(t, W) * largest))
     return np.array(out)
 
 
@@ -191,7 +195,8 @@ def counterweight_defects_by_window(toml: str, motion: Any, end: float, every: i
         N = tension_at_contact(contact)[steps]
         rate = e * (1.0 + G / line.EA) * contact.ds[steps]
         for part, W, W1, _ in _smooth_windows(t, end):
-            defect = _time_integral(t[part], W * (N[part] - G) + W1 * G / line.gravity * rate[part])
+            weighted = W * (N[part] - G) + W1 * G / line.gravity * rate[part]
+            defect = _time_integral(t[part], weighted)
             out.append(float(defect) / (G * float(_time_integral(t[part], W))))
     return np.array(out)
 
@@ -216,7 +221,8 @@ def energy_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
         N = x.mean_tension_at(contact)
         ds = x.at_samples(contact.ds)
         moving = 0.5 * line.rho * (ds * (1.0 + N / line.EA)) ** 2
-        powers.append(-e * ds * (N + N**2 / (2.0 * line.EA) + line.q * table["at"][1] - moving))
+        per_length = N + N**2 / (2.0 * line.EA) + line.q * table["at"][1] - moving
+        powers.append(-e * ds * per_length)
     steps = np.diff(x.t)
 
     def work_since_start(power: Array) -> Array:
@@ -238,7 +244,8 @@ def moment_defects_by_window(toml: str, motion: Any, end: float, every: int = 1)
         for part, W, W1, _ in _smooth_windows(x.t, end):
             t = x.t[part]
             defect = float(_time_integral(t, W * moment[part] + W1 * momentum[part]))
-            out.append(defect / (body.masses[1][0] * body.g * body.size * float(_time_integral(t, W))))
+            scale = body.masses[1][0] * body.g * body.size
+            out.append(defect / (scale * float(_time_integral(t, W))))
     return np.array(out)
 
 
@@ -253,7 +260,8 @@ def kink_force_defects_by_window(toml: str, motion: Any, end: float, every: int 
             weight = body.data["mass"] * body.g
             for part, W, _, _ in _smooth_windows(x.t, end):
                 t = x.t[part]
-                along, down = (_time_integral(t, W * component[part]) for component in (defect.real, defect.imag))
+                along = _time_integral(t, W * defect.real[part])
+                down = _time_integral(t, W * defect.imag[part])
                 out.append(math.hypot(along, down) / (weight * float(_time_integral(t, W))))
     return np.array(out)
 
@@ -290,10 +298,11 @@ def holding_force_excesses_by_window(toml: str, motion: Any, end: float, every: 
 
 def any_free_car_sticks(toml: str, motion: Any) -> bool:
     """Whether friction holds a free car for a while."""
-    free = [name for name, car in LineTables(toml).cars.items() if car.get("drive", {}).get("mode") == "free"]
+    cars = LineTables(toml).cars
     for car in motion.cars:
+        free = cars[car.name].get("drive", {}).get("mode") == "free"
         stands = car.ds == 0.0
-        if car.name in free and np.any(stands[:-1] & stands[1:]):
+        if free and np.any(stands[:-1] & stands[1:]):
             return True
     return False
 
@@ -498,9 +507,9 @@ def _min_heights_of_rope(scene: dict[str, Any], motion: Any, over: str) -> Array
     lowest = np.empty(motion.t.size)
     for i in range(motion.t.size):
         known = np.isfinite(motion.tension[i])
-        rows = [np.column_stack([motion.s[known], motion.points[i, known]])]
-        rows += [np.array([[body.s[i], *body.point[i]]]) for body in contacts_cars_and_rear_wheels(motion)]
-        chain = np.concatenate(rows)
+        stations = np.column_stack([motion.s[known], motion.points[i, known]])  # rows s, x, y
+        bodies = [np.array([[body.s[i], *body.point[i]]]) for body in contacts_cars_and_rear_wheels(motion)]
+        chain = np.concatenate([stations, *bodies])
         _, at, y = chain[np.argsort(chain[:, 0], kind="stable")].T
         inside = (at >= x[0]) & (at <= x[-1])
         at_corners = depth - np.interp(x, at, y)

@@ -110,7 +110,8 @@ def _haul_force(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Arr
     more = g.mu * acceleration - drag
     weight = g.mu * g.sigma * tau[:, 0]  # across the tangent (n,)
     contact = weight + more[:, 0] * tau[:, 1] - more[:, 1] * tau[:, 0]
-    friction = g.drive.mu_r * (np.abs(contact) - np.abs(weight)) * size / (2.0 * r.mean_stretch)
+    added = np.abs(contact) - np.abs(weight)
+    friction = g.drive.mu_r * added * size / (2.0 * r.mean_stretch)
     return r.haul + (more * tau).sum(1) + friction
 
 
@@ -157,10 +158,13 @@ class Statics:
         at_rest = hauled_rest if groups.drive.mode == "haul" else gripped_rest
         r = rest or at_rest(load_path_nodes(groups.sigma, NEAREST if groups.drive.mode == "grip" else None), groups)
         force = r.hold + r.haul * (_unit_mean_tangent(r) * r.along).sum(1)  # that drives the car along s_o (n,)
-        columns = {name: getattr(r, name).reshape(r.s.size, -1) for name in Rest.__dataclass_fields__ if name != "s"}
+        names = [name for name in Rest.__dataclass_fields__ if name != "s"]
+        columns = {name: getattr(r, name).reshape(r.s.size, -1) for name in names}
         ends = np.cumsum([x.shape[1] for x in columns.values()])
-        self._columns = dict(zip(columns, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
-        self._spline = CubicSpline(r.s, np.concatenate([*columns.values(), force[:, None]], axis=1))
+        numbers = np.split(np.arange(ends[-1]), ends[:-1])
+        self._columns = dict(zip(columns, numbers, strict=True))
+        values = np.concatenate([*columns.values(), force[:, None]], axis=1)
+        self._spline = CubicSpline(r.s, values)
         self._range = float(r.s[0]), float(r.s[-1])
 
     def potential_energy(self, s_o: Array) -> Array:
@@ -183,14 +187,17 @@ class Statics:
     def __call__(self, s: Array) -> Rest:
         """The cable at rest with the car at s (n,)."""
         values = self._spline(np.clip(s, *self._range))
-        columns = {name: values[:, k] for name, k in self._columns.items()}
-        return Rest(s=np.asarray(s, float), **{n: x[:, 0] if x.shape[1] == 1 else x for n, x in columns.items()})
+        fields = {}
+        for name, columns in self._columns.items():
+            fields[name] = values[:, columns[0]] if columns.size == 1 else values[:, columns]
+        return Rest(s=np.asarray(s, float), **fields)
 
 
 def _min_tension_and_position(r: Rest, sigma: float) -> tuple[Array, Array]:
     """Smallest tension along the cable and its s, (n,) each: where the force is level, or at an end of a side."""
     force = np.stack([r.left_force, r.left_force + r.jump])  # at s = 0 of both sides (2, n, 2)
-    at = np.clip(force[..., 1] / sigma, [0.0 * r.s, r.s], [r.s, np.ones_like(r.s)])
+    ends = [0.0 * r.s, r.s], [r.s, np.ones_like(r.s)]
+    at = np.clip(force[..., 1] / sigma, *ends)
     behind, ahead = np.hypot(force[..., 0], force[..., 1] - sigma * at)
     return np.minimum(behind, ahead), np.where(behind <= ahead, at[0], at[1])
 
@@ -199,7 +206,9 @@ def _fields_at_frames(statics: Statics, g: Groups, s: Array, s_o: Array, ds: Arr
     """Displacement, velocity and tension at frames, (k, m) each."""
     hanging = np.stack(coordinates(s, g.sigma, g.c), -1)
     step = 1e-5
-    w, later, earlier = (_station_points(statics(s_o + d), g, s) - hanging for d in (0.0, step, -step))  # (k, m, 2)
+    w = _station_points(statics(s_o), g, s) - hanging  # (k, m, 2)
+    later = _station_points(statics(s_o + step), g, s) - hanging
+    earlier = _station_points(statics(s_o - step), g, s) - hanging
     change = (later - earlier) / (2.0 * step)  # with s_o
     velocity = change * ds[:, None, None]
     tension = statics.tension_at_stations(s, s_o)
@@ -209,7 +218,8 @@ def _fields_at_frames(statics: Statics, g: Groups, s: Array, s_o: Array, ds: Arr
 def _station_points(r: Rest, g: Groups, s: Array) -> Array:
     """Points (k, m, 2) of stations s: the integral of r' over pieces that are cut at the car."""
     x, w = np.polynomial.legendre.leggauss(4)  # points between two stations
-    ends = np.concatenate([np.broadcast_to(s, (r.s.size, s.size)), r.s[:, None]], axis=1)
+    stations = np.broadcast_to(s, (r.s.size, s.size))
+    ends = np.concatenate([stations, r.s[:, None]], axis=1)
     ends.sort(axis=1)
     half = 0.5 * np.diff(ends)[..., None]  # (k, m, 1)
     p = ends[:, :-1, None] + half * (1.0 + x)  # Gauss points (k, m, POINTS)
@@ -220,8 +230,10 @@ def _station_points(r: Rest, g: Groups, s: Array) -> Array:
     stretch = 1.0 - static_tension(p, g.sigma, g.c) / g.alpha  # of the empty cable
     tension = np.sqrt(horizontal**2 + vertical**2)
     weights = half * w * (stretch / tension + 1.0 / g.alpha)  # (k, m, POINTS)
-    pieces = np.stack([horizontal[..., 0] * weights.sum(axis=2), (weights * vertical).sum(axis=2)], axis=2)
-    points = np.concatenate([np.zeros((r.s.size, 1, 2)), np.cumsum(pieces, axis=1)], axis=1)
+    dx = horizontal[..., 0] * weights.sum(axis=2)  # of each piece (k, m)
+    dy = (weights * vertical).sum(axis=2)
+    start = np.zeros((r.s.size, 1, 2))
+    points = np.concatenate([start, np.cumsum(np.stack([dx, dy], axis=2), axis=1)], axis=1)
     index = np.arange(s.size) + (s > r.s[:, None])
     return np.take_along_axis(points, index[..., None], axis=1)
 

@@ -296,16 +296,30 @@ def _event_rows(event: str, a: Ladder, b: Ladder, required: float) -> Iterator[A
     if not instants or min(instants) > min(r.slack_time_or_inf for r in runs):
         return
     if len(instants) < 2:
-        bars = [x.yes_no_bar(lambda r: find_event(event, r.events) is not None) for x in (a, b)]
-        yield replace(_row_with_bars("events", 1.0, a, b, [(bar, 0.0) for bar in bars], required), law=event)
+        yield _unpaired_event_row(event, a, b, required)
         return
-    scales = {"t": ("time", float(runs[1].t[-1])), "speed": ("speed", float(runs[1].speed.max()))}
+    scales = _event_scales(runs[1])
     if event in ("stop", "turn"):
         del scales["speed"]
     for name, (what, scale) in scales.items():
         value = partial(_scaled_event_value, event, name, scale)
         row = _functional_row("events", a, b, required, value)
         yield replace(row, law=f"{event}: {what}")
+
+
+def _unpaired_event_row(event: str, a: Ladder, b: Ladder, required: float) -> Agreement:
+    """The row of an event that only one run has."""
+
+    def has_event(r: Response) -> bool:
+        return find_event(event, r.events) is not None
+
+    parts = [(ladder.yes_no_bar(has_event), 0.0) for ladder in (a, b)]
+    return replace(_row_with_bars("events", 1.0, a, b, parts, required), law=event)
+
+
+def _event_scales(r: Response) -> dict[str, tuple[str, float]]:
+    """What is compared of an event, in words, and over what: duration [s], top speed [m/s]."""
+    return {"t": ("time", float(r.t[-1])), "speed": ("speed", float(r.speed.max()))}
 
 
 EVENT_BARS = {"t": "bar_t", "s_o": "bar_s_o", "speed": "bar_speed"}
@@ -338,7 +352,7 @@ def events_with_widened_bars(events: Sequence[Event], others: Sequence[Event]) -
 
 def quasi_static_event_rows(a: Ladder, quasi_static: list[Event], required: float) -> Iterator[Agreement]:
     """Shown rows of events of the full and the quasi-static ride: time over duration, speed over top speed."""
-    scales = {"t": ("time", float(a.finest.t[-1])), "speed": ("speed", float(a.finest.speed.max()))}
+    scales = _event_scales(a.finest)
     for event in EVENTS[:3]:
         full = find_event(event, a.finest.events)
         static = find_event(event, quasi_static)
@@ -346,9 +360,11 @@ def quasi_static_event_rows(a: Ladder, quasi_static: list[Event], required: floa
             continue
         for name, (what, scale) in scales.items():
             own = full[EVENT_BARS[name]]
+            own_bar = math.inf if own is None else own / scale
+            static_bar = static[EVENT_BARS[name]] / scale
             parts = (
-                BoundPart(a.finest.method, math.inf if own is None else own / scale, "coarser runs"),
-                BoundPart("quasi-static", static[EVENT_BARS[name]] / scale, "inertia of the rope"),
+                BoundPart(a.finest.method, own_bar, "coarser runs"),
+                BoundPart("quasi-static", static_bar, "inertia of the rope"),
             )
             gap = abs(full[name] - static[name]) / scale
             bound = Bound("error bars", parts)

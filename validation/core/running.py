@@ -5,6 +5,7 @@ from __future__ import annotations
 import bisect
 import math
 import time
+from collections.abc import Iterator, Sequence
 from functools import partial
 from numbers import Real
 from typing import Any
@@ -142,22 +143,27 @@ class Run:
     ) -> bool:
         """Append states up to the end or `until`, or to the slack onset if asked; return whether it stopped there."""
         h = self.history
-        start = h.states[-1] if h.states else None
-        if start is not None and solver.position(start) >= until:
-            return False
-        free = self.scene.groups.motion is None  # otherwise the times end there
-        newton = TRAPEZOIDAL_NEWTON if free and scheme.name == "trapezoidal" else Newton()
-        times = self.step_times_until_position(until)
-        for states in newmark.integrate_blocks(solver, scheme, times, newton=newton, work=h.work, start=start):
+        for states in self._blocks_of_new_states(solver, scheme, until):
             h.states.extend(states)
             position = solver.position(states[-1])
             if len(h.states) % 32 < len(states):
                 progress(max(_fraction_of_duration(solver, states[-1].t), position / until))
             if self._note_slack_onset(solver) and stop_at_slack:
                 return True
-            if free and position >= until:
+            if position >= until and self.scene.groups.motion is None:  # otherwise the times end there
                 break
         return False
+
+    def _blocks_of_new_states(self, solver: Solver, scheme: Scheme, until: float) -> Iterator[Sequence[State]]:
+        """States after the last one; those of a prescribed travel end at s_o/l = `until`."""
+        h = self.history
+        start = h.states[-1] if h.states else None
+        if start is not None and solver.position(start) >= until:
+            return
+        free = self.scene.groups.motion is None
+        newton = TRAPEZOIDAL_NEWTON if free and scheme.name == "trapezoidal" else Newton()
+        times = self.step_times_until_position(until)
+        yield from newmark.integrate_blocks(solver, scheme, times, newton=newton, work=h.work, start=start)
 
     def _note_slack_onset(self, solver: Solver) -> bool:
         """Note the slack onset if the last state is the first slack one, and return whether it is."""
@@ -201,7 +207,8 @@ def step_times_of_phases(solver: Solver, groups: Groups, settings: dict[str, Any
     """Step times of each phase (n,)."""
     steps = settings["steps"]
     if groups.motion is None:  # rides may last longer
-        steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
+        duration = solver.phases[-1][1] - solver.phases[0][0]
+        steps = math.ceil(steps * duration / groups.drive.nominal)
     times = newmark.step_times_by_phase(solver, steps, entry_ratio=settings["entry"], exit_ratio=settings["exit"])
     if groups.motion is None or groups.motion.end < 1.0:  # ends off the support
         times[-1] = np.append(times[-1], solver.phases[-1][1])

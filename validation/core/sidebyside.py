@@ -47,16 +47,23 @@ def run_in_parallel(
 
     with _forked_pool(len(jobs), work) as submit:
         futures = [submit(i) for i in range(len(jobs))]
-        running = set(futures)
-        while running:
-            done, running = wait(running, timeout=0.1, return_when=FIRST_COMPLETED)
-            pass_on_progress()
-            for future in done:
-                future.result()  # raises what the job raised
-            if done and running:
-                when_first_done()
-                when_first_done = no_progress
+        _wait_for_all(futures, pass_on_progress, when_first_done)
         return [future.result() for future in futures]
+
+
+def _wait_for_all(
+    futures: Sequence[Future], while_waiting: Callable[[], None], when_first_done: Callable[[], object]
+) -> None:
+    """Wait until all are done; raises what the first one raised.  while_waiting : called every 0.1 s."""
+    running = set(futures)
+    while running:
+        done, running = wait(running, timeout=0.1, return_when=FIRST_COMPLETED)
+        while_waiting()
+        for future in done:
+            future.result()  # raises what the job raised
+        if done and running:
+            when_first_done()
+            when_first_done = no_progress
 
 
 def map_in_parallel(
