@@ -12,7 +12,7 @@ from cablefem.scene.line import Line
 from tests.line.lines import SPRUNG, THREE, TRAMWAY, WEIGHED, line
 from validation.commands.run.line import answer_line, max_and_min_rows
 from validation.core.agreement import Verdict
-from validation.core.line_laws import check_printed, check_statics
+from validation.core.line_laws import printed_number_rows, statics_law_rows
 from validation.page import line as page
 
 HOT = {"temperature": 35.0, "reference_temperature": 10.0, "expansion": 1.2e-5, "ice": 1.3}
@@ -34,7 +34,7 @@ def disagreements(rows):
 @pytest.mark.parametrize("solve", [catenary_line.solve, elements.solve], ids=["catenaries", "elements"])
 def test_laws_hold_on_sound_answers(name, weather, solve):
     sound = with_rope(LINES[name], **weather)
-    assert not disagreements(check_statics(sound.to_toml(), sound.solve_at_rest(solve)))
+    assert not disagreements(statics_law_rows(sound.to_toml(), sound.solve_at_rest(solve)))
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_laws_hold_on_sound_answers(name, weather, solve):
 )  # fmt: skip
 def test_laws_see_an_answer_to_another_line(sound, changes, law):
     assert law in disagreements(
-        check_statics(sound.to_toml(), sound.replace(changes).solve_at_rest(catenary_line.solve))
+        statics_law_rows(sound.to_toml(), sound.replace(changes).solve_at_rest(catenary_line.solve))
     )
 
 
@@ -71,7 +71,7 @@ def test_laws_see_forces_that_saddles_and_cars_cannot_give():
         "tension past saddles and hauled cars": slipping, "saddles press down": lifted, "balance of cars": unhauled,
     }  # fmt: skip
     for law, wrong in planted.items():
-        assert law in disagreements(check_statics(sound.to_toml(), replace(rest, positions=[wrong])))
+        assert law in disagreements(statics_law_rows(sound.to_toml(), replace(rest, positions=[wrong])))
 
 
 GROUND = [[0.0, 5.0], [300.0, -60.0], [800.0, -260.0], [1300.0, -420.0]]
@@ -85,7 +85,7 @@ def reread(folder, result, edit=lambda folder: None, html=lambda text: text, of=
     result.write(folder, 1.0)
     text = "".join(section.html + section.summary for section in page.rest_sections(folder))
     edit(folder)
-    return disagreements(check_printed(of.to_toml(), result.rest, folder, html(text), page.WORDS))
+    return disagreements(printed_number_rows(of.to_toml(), result.rest, folder, html(text), page.WORDS))
 
 
 @pytest.mark.parametrize("given", [TRAM, with_rope(SPRUNG, **HOT), Line.load("skyline")], ids=lambda x: x.name)
@@ -175,7 +175,7 @@ def test_a_wrong_state_writes_no_nan_and_breaks_laws(tmp_path):
     answer_line(sound, rest=wrong).write(tmp_path, 1.0)
     for file in tmp_path.iterdir():
         assert "nan" not in file.read_text().lower()
-    assert "shape and stretch" in disagreements(check_statics(sound.to_toml(), wrong))
+    assert "shape and stretch" in disagreements(statics_law_rows(sound.to_toml(), wrong))
 
 
 def test_the_outcome_names_a_broken_rope_first_then_what_collides():

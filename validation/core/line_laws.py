@@ -18,7 +18,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -47,8 +47,43 @@ class Station:
     weight: float = 0.0  # [N] of a car
 
 
+class StateAtRest(Protocol):
+    """A state of rest with n stations, as a solver gives it: s [m], points [m], forces [N]."""
+
+    @property
+    def s(self) -> Array: ...  # (n,)
+
+    @property
+    def points(self) -> Array: ...  # (n, 2)
+
+    @property
+    def behind(self) -> Array: ...  # (n, 2), nan at the left end
+
+    @property
+    def ahead(self) -> Array: ...  # (n, 2), nan at the right end
+
+    @property
+    def haul(self) -> Array: ...  # (n,), nan but of hauled cars
+
+
+class StatesAtRest(Protocol):
+    """States of a line without cars, and by position from 0; at both ends of a shoe by position and car on it."""
+
+    @property
+    def empty(self) -> StateAtRest: ...
+
+    @property
+    def positions(self) -> Sequence[Any]: ...
+
+    @property
+    def states(self) -> Mapping[int, StateAtRest]: ...
+
+    @property
+    def shoe_ends(self) -> Mapping[tuple[int, str], Sequence[StateAtRest]]: ...
+
+
 class LineAtRest(LineData):
-    """A line and its cars at rest."""
+    """A line and its cars at rest, by its TOML; positions of all cars together are counted from 0."""
 
     def __init__(self, toml: str) -> None:
         super().__init__(toml)
@@ -63,35 +98,35 @@ class LineAtRest(LineData):
         self.q_empty = self.empty_mass * self.gravity
         self.q = self.mass * self.gravity
 
-    def position_of_car(self, car: dict[str, Any], i: int) -> float:
+    def x_of_car(self, car: dict[str, Any], position: int) -> float:
+        """x [m] of a car, which may have one for all positions."""
         at = np.atleast_1d(car["at"])
-        return float(at[i if at.size > 1 else 0])
+        return float(at[position if at.size > 1 else 0])
 
-    def saddle_under_car(self, car: dict[str, Any], i: int) -> dict[str, Any] | None:
+    def saddle_under_car(self, car: dict[str, Any], position: int) -> dict[str, Any] | None:
         """The saddle on whose shoe a car rests at position i."""
-        x = self.position_of_car(car, i)
+        x = self.x_of_car(car, position)
         return next((c for c in self.contacts if abs(x - c["at"][0]) <= c.get("shoe", -1.0)), None)
 
-    def stations(self, i: int | None, on_rope: Mapping[str, float] | None = None) -> list[Station]:
+    def stations(self, position: int | None, on_rope: Mapping[str, float] | None = None) -> list[Station]:
         """Stations at position i, None of the empty line; on_rope : x of cars that a shoe does not carry."""
         stations = [Station(c["name"], c["kind"], c["at"][0], c["at"][1], c) for c in self.contacts]
-        if i is not None:
-            hanging = {
-                car["name"]: self.position_of_car(car, i) for car in self.cars if self.saddle_under_car(car, i) is None
-            }
-            hanging.update(on_rope or {})
-            stations += [self._car_on_rope(car, hanging[car["name"]]) for car in self.cars if car["name"] in hanging]
+        if position is not None:
+            hanging = [car for car in self.cars if self.saddle_under_car(car, position) is None]
+            x_of_name = {car["name"]: self.x_of_car(car, position) for car in hanging} | dict(on_rope or {})
+            cars = [car for car in self.cars if car["name"] in x_of_name]
+            stations += [self._station_of_car(car, x_of_name[car["name"]]) for car in cars]
         return sorted(stations, key=lambda station: station.x)
 
-    def _car_on_rope(self, car: dict[str, Any], x: float) -> Station:
+    def _station_of_car(self, car: dict[str, Any], x: float) -> Station:
         kind = "hauled" if car["hauled"] else "grips"
         return Station(car["name"], kind, x, math.nan, car, car["mass"] * self.gravity)
 
 
-class Rope:
-    """A state of rest with n stations: s (n,) [m], points (n, 2) [m], forces behind and ahead (n, 2) [N]."""
+class RopeAtRest:
+    """A state of rest with n stations, and catenaries between them."""
 
-    def __init__(self, data: LineAtRest, state: Any, stations: list[Station], empty: bool = False) -> None:
+    def __init__(self, data: LineAtRest, state: StateAtRest, stations: list[Station], empty: bool = False) -> None:
         self.stations = stations
         self.EA = data.EA
         self.q = data.q_empty if empty else data.q
@@ -108,7 +143,7 @@ class Rope:
     def station_index(self, name: str) -> int:
         return [station.name for station in self.stations].index(name)
 
-    def shape_and_tension(self, s: Array) -> tuple[Array, Array, Array]:
+    def points_and_tension_at_s(self, s: Array) -> tuple[Array, Array, Array]:
         """x, y [m] and tension [N] at s (m,) [m]."""
         k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, self.s.size - 2)
         S = s - self.s[k]
@@ -120,21 +155,21 @@ class Rope:
         y = self.heat * ((P * S - 0.5 * self.q * S**2) / self.EA + (N - N1) / self.q)
         return self.points[k, 0] + x, self.points[k, 1] + y, N1
 
-    def depth_and_tension(self, x: Array) -> tuple[Array, Array]:
+    def depth_and_tension_at_x(self, x: Array) -> tuple[Array, Array]:
         """Depth [m] and tension [N] at x (m,) [m], by bisection and three steps of Newton's method."""
         k = np.clip(np.searchsorted(self.points[:, 0], x, side="right") - 1, 0, self.s.size - 2)
         low = self.s[k]
         high = self.s[k + 1]
         for _ in range(12):
             middle = 0.5 * (low + high)
-            short = self.shape_and_tension(middle)[0] < x
+            short = self.points_and_tension_at_s(middle)[0] < x
             low = np.where(short, middle, low)
             high = np.where(short, high, middle)
         s = 0.5 * (low + high)
         for _ in range(3):
-            x_s, _, N = self.shape_and_tension(s)
+            x_s, _, N = self.points_and_tension_at_s(s)
             s = s - (x_s - x) / (self.heat * self.ahead[k, 0] * (1.0 / N + 1.0 / self.EA))
-        _, y, N = self.shape_and_tension(s)
+        _, y, N = self.points_and_tension_at_s(s)
         return y, N
 
     def points_closest_to_slope(self, slope: float) -> Array:
@@ -142,34 +177,36 @@ class Rope:
         H, P = self.ahead[:-1].T
         s = self.s[:-1] + np.clip((P - slope * H) / self.q, 0.0, np.diff(self.s))
         # the end of a piece, not the begin of the next one
-        x, y, _ = self.shape_and_tension(np.minimum(s, np.nextafter(self.s[1:], -math.inf)))
+        x, y, _ = self.points_and_tension_at_s(np.minimum(s, np.nextafter(self.s[1:], -math.inf)))
         return np.stack([x, y], axis=1)
 
+    @property
     def tension_min(self) -> float:
-        """Distance of the origin from the straight lines that the force follows along the pieces."""
+        """Smallest tension [N]: distance of the origin from the lines that the force follows along the pieces."""
         start = self.ahead[:-1]  # (n - 1, 2)
         change = self.behind[1:] - start
         share = np.clip(-np.sum(start * change, axis=1) / np.sum(change**2, axis=1), 0.0, 1.0)
         return float(np.linalg.norm(start + share[:, None] * change, axis=1).min())
 
 
-def _ropes_of_all_states(data: LineAtRest, rest: Any) -> Iterator[tuple[str, Rope]]:
-    """All states of a line, with what to call them."""
-    yield "empty", Rope(data, rest.empty, data.stations(None), empty=True)
+def _ropes_of_all_states(data: LineAtRest, rest: StatesAtRest) -> Iterator[tuple[str, RopeAtRest]]:
+    """All states of a line, with their names: empty, by position, with a car at an end of a shoe."""
+    yield "empty", RopeAtRest(data, rest.empty, data.stations(None), empty=True)
     for i, state in rest.states.items():
-        yield f"position {i + 1}", Rope(data, state, data.stations(i))
+        yield f"position {i + 1}", RopeAtRest(data, state, data.stations(i))
     for i, name in rest.shoe_ends:
         for rope in _ropes_at_shoe_ends(data, rest, i, name):
             yield f"position {i + 1}, {name} at an end of the shoe", rope
 
 
-def _ropes_at_shoe_ends(data: LineAtRest, rest: Any, i: int, name: str) -> list[Rope]:
+def _ropes_at_shoe_ends(data: LineAtRest, rest: StatesAtRest, position: int, car_name: str) -> list[RopeAtRest]:
     """Both states with a car at an end of the shoe that carries it."""
-    saddle = data.saddle_under_car(next(car for car in data.cars if car["name"] == name), i)
+    saddle = data.saddle_under_car(next(car for car in data.cars if car["name"] == car_name), position)
     assert saddle is not None
     ends = (saddle["at"][0] - saddle["shoe"], saddle["at"][0] + saddle["shoe"])
-    states = rest.shoe_ends[i, name]
-    return [Rope(data, state, data.stations(i, {name: x})) for x, state in zip(ends, states, strict=True)]
+    states = rest.shoe_ends[position, car_name]
+    stations = [data.stations(position, {car_name: x}) for x in ends]
+    return [RopeAtRest(data, *pair) for pair in zip(states, stations, strict=True)]
 
 
 class LargestGaps:
@@ -179,18 +216,20 @@ class LargestGaps:
         self.largest: dict[str, tuple[float, str]] = {}
 
     def note_gap(self, law: str, where: str, gap: float) -> None:
+        """Keep the gap of a law if it is the largest so far; nan counts as very large."""
         gap = min(gap, 1e300) if gap == gap else 1e300  # what is not there at all is a finite gap
         if gap >= self.largest.get(law, (0.0, ""))[0]:
             self.largest[law] = gap, where
 
-    def note_difference(self, law: str, where: str, printed: Any, right: Any, allowed: float = 0.0) -> None:
-        """Note the gap of two numbers over what is allowed, or of two words."""
-        gap = 0.0 if printed == right else math.inf
-        if isinstance(printed, float) and isinstance(right, float) and allowed > 0.0:
-            gap = abs(printed - right) / allowed
+    def note_difference(self, law: str, where: str, printed: Any, expected: Any, allowed: float = 0.0) -> None:
+        """Note the gap of two numbers over what is allowed; of other things that are not equal an infinite one."""
+        gap = 0.0 if printed == expected else math.inf
+        if isinstance(printed, float) and isinstance(expected, float) and allowed > 0.0:
+            gap = abs(printed - expected) / allowed
         self.note_gap(law, where, gap)
 
     def rows(self, quantity: str, allowed: BoundPart) -> Iterator[Agreement]:
+        """One row for each law."""
         for law, (gap, where) in self.largest.items():
             yield Agreement(quantity, gap, Bound("law", (allowed,)), where, law=law, unit="-")
 
@@ -198,11 +237,8 @@ class LargestGaps:
 # --- laws -----------------------------------------------------------------------------------------------------------
 
 
-def check_statics(toml: str, rest: Any) -> Iterator[Agreement]:
-    """Laws of statics on all states of a line; of each law the worst state.
-
-    rest : `empty` and, by position, `states`; by position and car on a shoe, `shoe_ends`.
-    """
+def statics_law_rows(toml: str, rest: StatesAtRest) -> Iterator[Agreement]:
+    """One row for each law of statics: its largest defect over all states of a line."""
     data = LineAtRest(toml)
     gaps = LargestGaps()
     for where, rope in _ropes_of_all_states(data, rest):
@@ -216,20 +252,20 @@ def check_statics(toml: str, rest: Any) -> Iterator[Agreement]:
     return gaps.rows("laws_si", BoundPart("catenaries", ROUNDING, "rounding"))
 
 
-def _defects_of_pieces(data: LineAtRest, rope: Rope, empty_length: float) -> Iterator[tuple[str, Any]]:
-    """Defects of pieces and of their sum."""
+def _defects_of_pieces(data: LineAtRest, rope: RopeAtRest, empty_length: float) -> Iterator[tuple[str, Any]]:
+    """Laws of the pieces between stations, and of the rope's length, with their defects."""
     S = np.diff(rope.s)
     weight = rope.q * S[:, None] * DOWN  # (n - 1, 2)
     yield "weight of each piece", (rope.behind[1:] - rope.ahead[:-1] + weight) / rope.tension_max
-    x, y, _ = rope.shape_and_tension(np.nextafter(rope.s[1:], -math.inf))
+    x, y, _ = rope.points_and_tension_at_s(np.nextafter(rope.s[1:], -math.inf))
     yield "shape and stretch", (np.stack([x, y], axis=1) - rope.points[1:]) / rope.reach
     if not any(c["kind"] == "counterweight" for c in data.contacts):
         length = data.length or empty_length
         yield "unstretched length", (np.ptp(rope.s) - length) / length
 
 
-def _defects_of_stations(rope: Rope) -> Iterator[tuple[str, Any]]:
-    """Defects of contacts and cars, and of all forces together."""
+def _defects_of_stations(rope: RopeAtRest) -> Iterator[tuple[str, Any]]:
+    """Laws of contacts and cars, and of all forces together, with their defects."""
     T = rope.tension_max
     total = rope.behind[-1] - rope.ahead[0] + rope.q * np.ptp(rope.s) * DOWN
     force = np.zeros_like(rope.ahead)  # of the rope on inner stations (n, 2)
@@ -264,39 +300,43 @@ def _defects_of_stations(rope: Rope) -> Iterator[tuple[str, Any]]:
 # --- numbers --------------------------------------------------------------------------------------------------------
 
 
-def numbers_by_position(toml: str, rest: Any) -> list[PositionNumbers | None]:
+def numbers_by_position(toml: str, rest: StatesAtRest) -> list[PositionNumbers | None]:
     """The numbers of each position, named as in positions.csv; None without rest."""
     data = LineAtRest(toml)
-    return [_numbers_at_position(data, rest, i) if i in rest.states else None for i in range(len(rest.positions))]
+    positions = range(len(rest.positions))
+    return [_numbers_at_position(data, rest, i) if i in rest.states else None for i in positions]
 
 
-def _numbers_at_position(data: LineAtRest, rest: Any, i: int) -> PositionNumbers:
-    rope = Rope(data, rest.states[i], data.stations(i))
-    row: PositionNumbers = {"position": i + 1}
+def _numbers_at_position(data: LineAtRest, rest: StatesAtRest, position: int) -> PositionNumbers:
+    rope = RopeAtRest(data, rest.states[position], data.stations(position))
+    row: PositionNumbers = {"position": position + 1}
     for car in data.cars:
-        row |= _numbers_at_car(data, rest, rope, i, car)
+        row |= _numbers_at_car(data, rest, rope, position, car)
     for j, contact in enumerate(data.contacts):
-        row |= {f"{kind}:{contact['name']}": x for kind, x in _numbers_at_contact(data, rest, rope, i, j).items()}
+        numbers = _numbers_at_contact(data, rest.empty, rope, position, j)
+        row |= {f"{kind}:{contact['name']}": x for kind, x in numbers.items()}
     for a, b in itertools.pairwise(data.contacts):
-        row[f"sag:{a['name']} to {b['name']}"] = _largest_sag(
-            rope, rope.station_index(a["name"]), rope.station_index(b["name"])
-        )
+        stations = rope.station_index(a["name"]), rope.station_index(b["name"])
+        row[f"sag:{a['name']} to {b['name']}"] = _largest_sag(rope, *stations)
     row["tension_max"] = rope.tension_max
-    row["tension_min"] = rope.tension_min()
+    row["tension_min"] = rope.tension_min
     if data.breaking_load is not None:
         row["safety_factor"] = data.breaking_load / rope.tension_max
     for name, [[x, top]] in data.tops.items():
-        row[f"clearance_rope:{name}"] = float(top - rope.depth_and_tension(np.array([x]))[0][0])
-    heights = _heights_over_ground(data.ground, rope)
-    if heights.size:
-        row[f"clearance_rope:{GROUND}"] = float(heights.min())
+        row[f"clearance_rope:{name}"] = float(top - rope.depth_and_tension_at_x(np.array([x]))[0][0])
+    height = _min_height_over_ground(data.ground, rope)
+    if height is not None:
+        row[f"clearance_rope:{GROUND}"] = height
     return row
 
 
-def _numbers_at_car(data: LineAtRest, rest: Any, rope: Rope, i: int, car: dict[str, Any]) -> PositionNumbers:
+def _numbers_at_car(
+    data: LineAtRest, rest: StatesAtRest, rope: RopeAtRest, position: int, car: dict[str, Any]
+) -> PositionNumbers:
+    """x, depth, clearance and saddle of a car; on the rope its tensions, and the haul of a hauled car."""
     name = car["name"]
-    x = data.position_of_car(car, i)
-    saddle = data.saddle_under_car(car, i)
+    x = data.x_of_car(car, position)
+    saddle = data.saddle_under_car(car, position)
     row: PositionNumbers = {f"x:{name}": x, f"on:{name}": None}
     forces: dict[str, float | None] = {"tension_behind": None, "tension_ahead": None, "haul": None}
     if saddle is None:
@@ -305,7 +345,9 @@ def _numbers_at_car(data: LineAtRest, rest: Any, rope: Rope, i: int, car: dict[s
         behind, ahead = rope.tensions[:, k]
         forces = {"tension_behind": float(behind), "tension_ahead": float(ahead), "haul": float(rope.haul[k])}
     else:
-        depth = _depth_on_shoe(_ropes_at_shoe_ends(data, rest, i, name), name, x, np.array(saddle["at"]))
+        at_ends = _ropes_at_shoe_ends(data, rest, position, name)
+        left, right = (rope.points[rope.station_index(name)] for rope in at_ends)
+        depth = _car_depth_on_shoe(left, right, x, np.array(saddle["at"]))
         row[f"on:{name}"] = saddle["name"]
     if not car["hauled"]:
         del forces["haul"]
@@ -317,12 +359,11 @@ def _numbers_at_car(data: LineAtRest, rest: Any, rope: Rope, i: int, car: dict[s
     return row
 
 
-def _depth_on_shoe(ropes: list[Rope], name: str, x: float, top: Array) -> float:
-    """Depth of a car on a shoe: cubics from the ends, on the car's path, to the saddle's top.
+def _car_depth_on_shoe(left: Array, right: Array, x: float, top: Array) -> float:
+    """Depth of a car at x on a shoe: cubics from its ends (2,), on the car's path, to the saddle's top (2,).
 
     A cubic leaves the end along its chord, and passes the saddle with the mean slope of both chords.
     """
-    left, right = (rope.points[rope.station_index(name)] for rope in ropes)
     end = left if x <= top[0] else right
     slopes = [float((top[1] - point[1]) / (top[0] - point[0])) for point in (left, right)]
     slope = slopes[0] if x <= top[0] else slopes[1]
@@ -332,56 +373,63 @@ def _depth_on_shoe(ropes: list[Rope], name: str, x: float, top: Array) -> float:
     return float(end[1] + slope * d * w + bent)
 
 
-def _numbers_at_contact(data: LineAtRest, rest: Any, rope: Rope, i: int, j: int) -> PositionNumbers:
-    """Numbers of contact j by kind."""
+def _numbers_at_contact(
+    data: LineAtRest, empty: StateAtRest, rope: RopeAtRest, position: int, j: int
+) -> PositionNumbers:  # fmt: skip
+    """Numbers of contact j by kind: tension, and what saddle, counterweight or spring do."""
     contact = data.contacts[j]
     k = rope.station_index(contact["name"])
     row: PositionNumbers = {"tension": float(np.nanmax(rope.tensions[:, k]))}
     if contact["kind"] == "saddle":
         across, down = rope.ahead[k] - rope.behind[k]
-        car_weight = sum(car["mass"] for car in data.cars if data.saddle_under_car(car, i) is contact) * data.gravity
+        on_shoe = [car for car in data.cars if data.saddle_under_car(car, position) is contact]
+        car_weight = sum(car["mass"] for car in on_shoe) * data.gravity
         for kind, weight in (("pressure", 0.0), ("load", car_weight)):
             row[kind] = math.hypot(across, down + weight)
             row[f"{kind}_down"] = float(down + weight)
-        row["knee"] = _bend_angle(rope.behind[k], rope.ahead[k])
-        row["knee_empty"] = _bend_angle(np.asarray(rest.empty.behind)[j], np.asarray(rest.empty.ahead)[j])
+        row["knee"] = _degrees_of_bend(rope.behind[k], rope.ahead[k])
+        row["knee_empty"] = _degrees_of_bend(np.asarray(empty.behind)[j], np.asarray(empty.ahead)[j])
         row["direction"] = 90.0 - math.degrees(math.atan2(down, across))
-        row["rope_over"] = float(rest.empty.s[j] - rope.s[k])
+        row["rope_over"] = float(empty.s[j] - rope.s[k])
     elif contact["kind"] == "counterweight":
-        taken = float(np.ptp(rope.s) - np.ptp(rest.empty.s))
+        taken = float(np.ptp(rope.s) - np.ptp(empty.s))
         row["rise"] = data.heat * taken * (1.0 + contact["tension"] / data.EA)
     elif contact["kind"] == "spring":
         row["shift"] = float(np.linalg.norm(rope.points[k] - contact["at"]))
     return row
 
 
-def _bend_angle(behind: Array, ahead: Array) -> float:
-    """Angle between two pulls (2,) [deg], positive where the rope bends down."""
+def _degrees_of_bend(behind: Array, ahead: Array) -> float:
+    """Angle [deg] between two forces (2,), positive where the rope bends down."""
     return math.degrees(math.atan2(float(behind[0] * ahead[1] - behind[1] * ahead[0]), float(behind @ ahead)))
 
 
-def _largest_sag(rope: Rope, first: int, last: int) -> float:
-    """Largest depth below the chord of two stations: there the rope is parallel to it."""
+def _largest_sag(rope: RopeAtRest, first: int, last: int) -> float:
+    """Largest depth [m] below the chord of two stations by index: there the rope is parallel to it."""
     (x0, y0), (x1, y1) = rope.points[[first, last]]
     slope = (y1 - y0) / (x1 - x0)
     x, y = rope.points_closest_to_slope(slope)[first:last].T
     return float(np.max(y - y0 - slope * (x - x0)))
 
 
-def _heights_over_ground(ground: Array, rope: Rope) -> Array:
-    """Heights of the rope where it is lowest over the ground (n, 2); none where there is no ground below it."""
+def _min_height_over_ground(ground: Array, rope: RopeAtRest) -> float | None:
+    """Smallest height [m] of the rope over the ground (n, 2); None where there is no ground below it.
+
+    It is at a corner of the ground, at a station, or where the rope is parallel to the ground.
+    """
     if not ground.size:
-        return np.empty(0)
+        return None
     x, depth = ground.T
     corners = np.concatenate([x, rope.points[:, 0]])
-    points = [np.stack([corners, rope.depth_and_tension(corners)[0]], axis=1)]
+    points = [np.stack([corners, rope.depth_and_tension_at_x(corners)[0]], axis=1)]
     points += [rope.points_closest_to_slope(slope) for slope in np.diff(depth) / np.diff(x)]
     x_rope, y = np.concatenate(points).T
     within = (x_rope >= max(x[0], rope.points[0, 0])) & (x_rope <= min(x[-1], rope.points[-1, 0]))
-    return np.asarray(np.interp(x_rope[within], x, depth) - y[within])
+    heights = np.interp(x_rope[within], x, depth) - y[within]
+    return float(heights.min()) if heights.size else None
 
 
-def extremes(toml: str, rows: Sequence[PositionNumbers | None]) -> dict[str, tuple[float, float]]:
+def extremes_of_numbers(toml: str, rows: Sequence[PositionNumbers | None]) -> dict[str, tuple[float, float]]:
     """Smallest and largest value of each number over all positions; of cars also where they pass between two."""
     data = LineAtRest(toml)
     at_rest = [row for row in rows if row]
@@ -390,8 +438,8 @@ def extremes(toml: str, rows: Sequence[PositionNumbers | None]) -> dict[str, tup
         if isinstance(value, float) and not name.startswith("x:"):
             values.setdefault(name, []).append(value)
     for car, (name, points) in itertools.product(data.cars, (data.tops | {GROUND: data.ground}).items()):
-        track = [(row[f"x:{car['name']}"], row[f"depth:{car['name']}"]) for row in at_rest]
-        for pair in itertools.pairwise([*track, track[-1]]):
+        car_points = [(row[f"x:{car['name']}"], row[f"depth:{car['name']}"]) for row in at_rest]
+        for pair in itertools.pairwise([*car_points, car_points[-1]]):
             x, depth = np.transpose(sorted(pair))
             passed = points[(points[:, 0] >= x[0]) & (points[:, 0] <= x[1])]
             heights = passed[:, 1] - np.interp(passed[:, 0], x, depth) - car.get("below", 0.0)
@@ -402,10 +450,10 @@ def extremes(toml: str, rows: Sequence[PositionNumbers | None]) -> dict[str, tup
 # --- what is printed ------------------------------------------------------------------------------------------------
 
 
-def check_printed(
-    toml: str, rest: Any, folder: Path, page: str, words: Mapping[str, Mapping[str, str]]
+def printed_number_rows(
+    toml: str, rest: StatesAtRest, folder: Path, page: str, words: Mapping[str, Mapping[str, str]]
 ) -> list[Agreement]:
-    """Check all that is printed of a line: its files in `folder`, and its page.
+    """Rows of all that is printed of a line, compared with a second computation: its files in `folder`, and its page.
 
     A gap counts in parts of what is allowed: rounding, of a design number its bar, of the page half its last digit.
     words : how the page calls each kind of number.
@@ -413,7 +461,7 @@ def check_printed(
     data = LineAtRest(toml)
     gaps = LargestGaps()
     rows = numbers_by_position(toml, rest)
-    known = extremes(toml, rows)
+    known = extremes_of_numbers(toml, rows)
     reach = data.contacts[-1]["at"][0]
     tension = known["tension_max"][1]
     pressure = min((low for name, (low, _) in known.items() if name.startswith("pressure:")), default=1.0)
@@ -421,7 +469,7 @@ def check_printed(
     scales["knee"] = scales["knee_empty"] = scales["direction"] = math.degrees(tension / max(pressure, 1.0))
 
     def rounding_allowed(name: str) -> float:
-        return ROUNDING * float(scales.get(_quantity_kind(name), tension))
+        return ROUNDING * float(scales.get(_kind_without_extreme(name), tension))
 
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     refused = [i + 1 for i, row in enumerate(rows) if row is None]
@@ -429,11 +477,11 @@ def check_printed(
     gaps.note_difference("summary.json", "positions", summary["positions"], len(rows))
     length = float(np.ptp(rest.empty.s))
     gaps.note_difference("summary.json", "empty_length", summary["empty_length"], length, ROUNDING * length)
-    _check_positions(gaps, rows, _read_table(folder / "positions.csv"), rounding_allowed)
-    _check_profile(gaps, data, rest, folder)
-    _check_design(gaps, data, rows, summary["design"], known, rounding_allowed)
-    _check_outcome(gaps, data, summary, known)
-    _check_page(gaps, page, summary, words)
+    _note_gaps_of_positions(gaps, rows, _read_csv_rows(folder / "positions.csv"), rounding_allowed)
+    _note_gaps_of_profile(gaps, data, rest, folder)
+    _note_gaps_of_design(gaps, data, rows, summary["design"], known, rounding_allowed)
+    _note_gaps_of_outcome(gaps, data, summary, known)
+    _note_gaps_of_page(gaps, page, summary, words)
     for fault in limit_faults(summary["limits"], tomllib.loads(toml), summary["design"], ()):
         gaps.note_gap("limits", fault, math.inf)
     for fault in limit_table_faults(page, summary["limits"]):
@@ -441,11 +489,12 @@ def check_printed(
     return list(gaps.rows("printed", BoundPart("catenaries", 1.0, "allowed")))
 
 
-def _quantity_kind(name: str) -> str:
+def _kind_without_extreme(name: str) -> str:
+    """The kind of a number before the colon, without _min or _max."""
     return re.sub("_(min|max)$", "", name.partition(":")[0])
 
 
-def _read_table(file: Path) -> list[dict[str, str]]:
+def _read_csv_rows(file: Path) -> list[dict[str, str]]:
     with file.open(encoding="utf-8", newline="") as opened:
         return list(csv.DictReader(opened))
 
@@ -457,19 +506,20 @@ def _float_or_none(cell: str | None) -> float | None:
         return None
 
 
-def _check_positions(
+def _note_gaps_of_positions(
     gaps: LargestGaps,
     rows: Sequence[PositionNumbers | None],
     table: list[dict[str, str]],
     rounding: Callable[[str], float],
 ) -> None:
+    """Note the gaps of all cells of positions.csv; rounding : that is allowed to a number by its name."""
     gaps.note_difference("positions.csv", "rows", len(table), len(rows))
     for i, (cells, row) in enumerate(zip(table, rows, strict=False)):
-        right = row or {"position": i + 1}
-        for name in {**cells, **right}:
-            kind, _, of = name.partition(":")
-            where = f"{of or 'the line'}, position {i + 1}"
-            expected = right.get(name)
+        numbers = row or {"position": i + 1}
+        for name in {**cells, **numbers}:
+            kind, _, subject = name.partition(":")
+            where = f"{subject or 'the line'}, position {i + 1}"
+            expected = numbers.get(name)
             cell: Any = cells.get(name) or ""
             if isinstance(expected, float):
                 cell = _float_or_none(cell)
@@ -478,14 +528,16 @@ def _check_positions(
             gaps.note_difference(f"positions.csv, {kind}", where, cell, expected, rounding(name))
 
 
-def _check_profile(gaps: LargestGaps, data: LineAtRest, rest: Any, folder: Path) -> None:
-    table = _read_table(folder / "profile.csv")
+def _note_gaps_of_profile(gaps: LargestGaps, data: LineAtRest, rest: StatesAtRest, folder: Path) -> None:
+    """Note the gaps of profile.csv, and of the profile and the ropes drawn by ropes.json."""
+    table = _read_csv_rows(folder / "profile.csv")
     drawn = json.loads((folder / "ropes.json").read_text(encoding="utf-8"))
     x = np.array([float(row["x"]) for row in table])
-    curves = {i: Rope(data, state, data.stations(i)).depth_and_tension(x) for i, state in rest.states.items()}
+    ropes = {i: RopeAtRest(data, state, data.stations(i)) for i, state in rest.states.items()}
+    curves = {i: rope.depth_and_tension_at_x(x) for i, rope in ropes.items()}
     y = np.array([depth for depth, _ in curves.values()])  # (positions, m)
     T = np.array([tension for _, tension in curves.values()])
-    empty = Rope(data, rest.empty, data.stations(None), empty=True).depth_and_tension(x)[0]
+    empty = RopeAtRest(data, rest.empty, data.stations(None), empty=True).depth_and_tension_at_x(x)[0]
     columns = {
         "x": x,
         "y_rest": empty,
@@ -495,9 +547,9 @@ def _check_profile(gaps: LargestGaps, data: LineAtRest, rest: Any, folder: Path)
         "tension_min": T.min(axis=0),
     }
     rounding = ROUNDING * float(np.ptp(x))
-    for name, right in columns.items():
+    for name, expected in columns.items():
         allowed = ROUNDING * float(T.max()) if "tension" in name else rounding
-        for k, value in enumerate(right.tolist()):
+        for k, value in enumerate(expected.tolist()):
             where = f"x = {x[k]:.6g} m"
             gaps.note_difference(f"profile.csv, {name}", where, _float_or_none(table[k].get(name)), value, allowed)
             gaps.note_difference("ropes.json", where, drawn["profile"][name][k], value, allowed)
@@ -506,21 +558,22 @@ def _check_profile(gaps: LargestGaps, data: LineAtRest, rest: Any, folder: Path)
         gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / rounding)
 
 
-def _check_design(
+def _note_gaps_of_design(
     gaps: LargestGaps, data: LineAtRest, rows: Sequence[PositionNumbers | None], design: Sequence[dict[str, Any]],
     known: Extremes, rounding: Callable[[str], float],
 ) -> None:  # fmt: skip
+    """Note the gaps of design numbers: value, positions of the cars then, value of that position; and missing ones."""
     names = set()
     for number in design:
         quantity = number["quantity"]
-        kind, colon, of = quantity.partition(":")
-        name = quantity if quantity in known else _quantity_kind(quantity) + colon + of
+        kind, colon, subject = quantity.partition(":")
+        name = quantity if quantity in known else _kind_without_extreme(quantity) + colon + subject
         names.add(name)
         allowed = rounding(name) + (number["bar"] or 0.0)
-        right = known[name][kind.endswith("_max")] if name in known else None
-        gaps.note_difference("design", quantity, number["value"], right, allowed)
+        expected = known[name][kind.endswith("_max")] if name in known else None
+        gaps.note_difference("design", quantity, number["value"], expected, allowed)
         i = number["position"] - 1
-        at = {car["name"]: data.position_of_car(car, i) for car in data.cars}
+        at = {car["name"]: data.x_of_car(car, i) for car in data.cars}
         gaps.note_difference("design, positions of cars", quantity, number["at"], at)
         row = rows[i] or {}
         if name in row and not name.startswith("clearance_car"):
@@ -529,8 +582,8 @@ def _check_design(
         gaps.note_difference("design", name, name in names, True)
 
 
-def _check_outcome(gaps: LargestGaps, data: LineAtRest, summary: dict[str, Any], known: Extremes) -> None:
-    """The outcome names a rope beyond its breaking load first, then everything that is hit."""
+def _note_gaps_of_outcome(gaps: LargestGaps, data: LineAtRest, summary: dict[str, Any], known: Extremes) -> None:
+    """Note unless the outcome names a rope beyond its breaking load first, then everything that is hit."""
     text = summary["outcome"]
     tension = known["tension_max"][1]
     clearances = {name.partition(":")[2]: low for name, (low, _) in known.items() if name.startswith("clearance")}
@@ -550,8 +603,10 @@ def _check_outcome(gaps: LargestGaps, data: LineAtRest, summary: dict[str, Any],
         gaps.note_difference("outcome", "depth of a collision", depth, -min(clearances.values()), 0.006)
 
 
-def _check_page(gaps: LargestGaps, page: str, summary: dict[str, Any], words: Mapping[str, Mapping[str, str]]) -> None:
-    """Every design number stands in the page's table, with its unit, to half its last digit, with the cars then."""
+def _note_gaps_of_page(
+    gaps: LargestGaps, page: str, summary: dict[str, Any], words: Mapping[str, Mapping[str, str]]
+) -> None:
+    """Note unless the table of the page shows each design number to half its last digit, with the cars then."""
     gaps.note_difference("page", "outcome", plain_text(summary["outcome"]) in plain_text(page), True)
     table: dict[str, dict[str, str]] = {}
     for label, content in re.findall(r'data-label="(quantity|largest|smallest)[^"]*"><div>(.*?)</div>', page, re.S):
@@ -561,14 +616,14 @@ def _check_page(gaps: LargestGaps, page: str, summary: dict[str, Any], words: Ma
         else:
             row[label] = cell
     for number in summary["design"]:
-        kind, _, of = number["quantity"].partition(":")
-        name = kind if kind in words and not of else _quantity_kind(kind)
-        row = table.get(words[name]["words"].format(of), {})
-        same = row.get("smallest") == "the same"
-        _check_shown_number(gaps, number, row.get("smallest" if kind.endswith("_min") and not same else "largest", ""))
+        kind, _, subject = number["quantity"].partition(":")
+        name = kind if kind in words and not subject else _kind_without_extreme(kind)
+        row = table.get(words[name]["words"].format(subject), {})
+        in_smallest = kind.endswith("_min") and row.get("smallest") != "the same"
+        _note_gap_of_shown_number(gaps, number, row.get("smallest" if in_smallest else "largest", ""))
 
 
-def _check_shown_number(gaps: LargestGaps, number: dict[str, Any], text: str) -> None:
+def _note_gap_of_shown_number(gaps: LargestGaps, number: dict[str, Any], text: str) -> None:
     """Note the gap of a design number to its text in the page's table, and whether the cars are named with it."""
     where = number["quantity"]
     parts = re.fullmatch(r"(-?\d+\.(\d+)) ?([a-zA-Z°]*)(?: \((.*)\))?", text)

@@ -209,7 +209,7 @@ def check_line(
     result = answer_line(line, rest=both.a)
     result = replace(result, design=design_with_bars(result.design, designs[1], designs[2]))
     rows = [*compare_states(both, *units), *compare_design_numbers(designs, *units), *_solved_by_one_alone_rows(both)]
-    return replace(result, rows=[*rows, *line_laws.check_statics(line.to_toml(), both.a), *recheck_outputs(result)])
+    return replace(result, rows=[*rows, *line_laws.statics_law_rows(line.to_toml(), both.a), *recheck_outputs(result)])
 
 
 def design_with_bars(design: Sequence[Row], coarser: Sequence[Row], other: Sequence[Row]) -> list[Row]:
@@ -228,7 +228,7 @@ def recheck_outputs(result: RestAnswers) -> list[Agreement]:
         folder = Path(name)
         result.write(folder, 0.0)
         html = "".join(section.html + section.summary for section in page.rest_sections(folder))
-        return line_laws.check_printed(result.line.to_toml(), result.rest, folder, html, page.WORDS)
+        return line_laws.printed_number_rows(result.line.to_toml(), result.rest, folder, html, page.WORDS)
 
 
 def smallest_detectable_changes(result: RestAnswers) -> dict[str, float]:
