@@ -251,20 +251,20 @@ def time_means_between(t: Array, values: Array, low: Array, high: Array, breaks:
     return (area(high) - area(low)) / (high - low)[:, None]
 
 
-def _piecewise_spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array:
+def _piecewise_spline(t: Array, values: Array, kinks: Sequence[float], times: Array) -> Array:
     """Splines through values (n, c), restarted at kinks against overshoot; at times of t these values."""
-    steps = np.searchsorted(t, at).clip(max=t.size - 1)
-    if np.array_equal(t[steps], at):
+    steps = np.searchsorted(t, times).clip(max=t.size - 1)
+    if np.array_equal(t[steps], times):
         return values[steps]
     from scipy.interpolate import CubicSpline
 
-    out = np.empty((at.size, values.shape[1]))
+    out = np.empty((times.size, values.shape[1]))
     last = t.size - 1
     ends = np.unique([0, *np.searchsorted(t, kinks).clip(0, last), last])
     for a, b in pairwise(ends.tolist()):
-        piece = (at >= t[a]) & (at <= t[b])
+        piece = (times >= t[a]) & (times <= t[b])
         spline = CubicSpline(t[a : b + 1], values[a : b + 1], axis=0)
-        out[piece] = spline(at[piece])
+        out[piece] = spline(times[piece])
     return out
 
 

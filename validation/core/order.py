@@ -41,13 +41,13 @@ def error_bar(change: ArrayLike, change_before: ArrayLike, ratios: Sequence[floa
     return bar if bar.ndim else float(bar)
 
 
-def _observed_order_within(d: Array, before: Array, ratios: Sequence[float], low: float, high: float) -> Array:
+def _observed_order_within(change: Array, before: Array, ratios: Sequence[float], low: float, high: float) -> Array:
     """The p of `error_bar` between low and high; nan if unknown."""
     r = ratios[0]
     coarser = ratios[-1]
-    p = np.full(np.shape(d), high)
+    p = np.full(np.shape(change), high)
     with np.errstate(divide="ignore", invalid="ignore"):
-        fall = np.where(d > 0.0, before / d, 0.0)
+        fall = np.where(change > 0.0, before / change, 0.0)
         for _ in range(10):
             before_it = p
             observed = np.log(fall * (r**p - 1.0) / (coarser**p - 1.0)) / math.log(r)

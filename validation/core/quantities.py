@@ -33,9 +33,13 @@ def design_row_texts(number: dict[str, Any]) -> dict[str, str]:
     text = quantity_text(value, bar, unit)
     if number.get("more"):
         what += f" ({number['more']} more, larger)"
-    where = {"t": _entry_with_unit(number, "t", ".4g", "s")}
-    where |= {key: _entry_with_unit(number, name, ".1f", "m") for key, name in (("mass", "s_o"), ("at", "s"))}
-    return {"what": what, "value": text, **where}
+    return {
+        "what": what,
+        "value": text,
+        "t": _entry_with_unit(number, "t", ".4g", "s"),
+        "mass": _entry_with_unit(number, "s_o", ".1f", "m"),
+        "at": _entry_with_unit(number, "s", ".1f", "m"),
+    }
 
 
 def quantity_text(value: float, bar: float | None, unit: str) -> str:

@@ -76,42 +76,45 @@ def _observed_fields(scene: Scene, statics: Statics, travel: Travel) -> dict[str
     return observation_in_si(scene, observed, np.arange(n + frames.size) < n, s)
 
 
-def _observe_steps_and_frames(g: Groups, statics: Statics, travel: Travel, n: int, s: Array) -> Observation:
-    """All that is known of the n steps of a travel and of the frames after them, with fields at stations s (m,)."""
+def _observe_steps_and_frames(groups: Groups, statics: Statics, travel: Travel, steps: int, s: Array) -> Observation:
+    """All that is known of the first rows of a travel, its steps, and of the frames after them; s : stations (m,)."""
     t, s_o, ds, dds = travel
     here = statics(s_o)
     velocity = here.along * ds[:, None]
     acceleration = here.along * dds[:, None] + here.bend * (ds**2)[:, None]
-    kinetic = 0.5 * g.mu * (velocity**2).sum(1)
+    kinetic = 0.5 * groups.mu * (velocity**2).sum(1)
     energy = kinetic + statics.potential_energy(s_o)
     power = np.full(t.size, np.nan)
-    power[:n] = np.gradient(energy[:n], t[:n])
-    smallest, smallest_at = _min_tension_and_position(here, g.sigma)
-    haul = _haul_force(g, here, velocity, acceleration) if g.drive.mode == "haul" else np.full(t.size, np.nan)
+    power[:steps] = np.gradient(energy[:steps], t[:steps])
+    smallest, smallest_at = _min_tension_and_position(here, groups.sigma)
+    haul = np.full(t.size, np.nan)
+    if groups.drive.mode == "haul":
+        haul = _haul_force(groups, here, velocity, acceleration)
     return Observation(
         t=t, s_o=s_o, path=statics.displacement_of_car(s_o), path_velocity=velocity, path_acceleration=acceleration,
         slope_behind=here.slope_behind, slope_ahead=here.slope_ahead,
         T_behind=np.where(s_o > 0.0, here.behind, np.nan), T_ahead=np.where(s_o < 1.0, here.ahead, np.nan),
         energy=energy, power=power, kinetic=kinetic, tension_min=smallest, tension_min_at=smallest_at,
-        reaction_left=-here.left_force, reaction_right=here.left_force - g.sigma * DOWN + here.jump, contact=-here.jump,
-        haul=haul, **_fields_at_frames(statics, g, s, s_o[n:], ds[n:]),
+        reaction_left=-here.left_force, reaction_right=here.left_force - groups.sigma * DOWN + here.jump,
+        contact=-here.jump,
+        haul=haul, **_fields_at_frames(statics, groups, s, s_o[steps:], ds[steps:]),
     )  # fmt: skip
 
 
-def _haul_force(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
+def _haul_force(groups: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
     """Haul force (n,): holding force, drag and inertia along the mean tangent; velocity and acceleration : (n, 2).
 
     The contact force they add changes only friction.
     """
     tau = _unit_mean_tangent(r)
     size = np.linalg.norm(r.slope_behind + r.slope_ahead, axis=1)
-    air = velocity - [g.drive.wind, 0.0]  # velocity relative to the air (n, 2)
-    drag = -g.drive.k * np.linalg.norm(air, axis=1)[:, None] * air
-    more = g.mu * acceleration - drag
-    weight = g.mu * g.sigma * tau[:, 0]  # across the tangent (n,)
+    air = velocity - [groups.drive.wind, 0.0]  # velocity relative to the air (n, 2)
+    drag = -groups.drive.k * np.linalg.norm(air, axis=1)[:, None] * air
+    more = groups.mu * acceleration - drag
+    weight = groups.mu * groups.sigma * tau[:, 0]  # across the tangent (n,)
     contact = weight + more[:, 0] * tau[:, 1] - more[:, 1] * tau[:, 0]
     added = np.abs(contact) - np.abs(weight)
-    friction = g.drive.mu_r * added * size / (2.0 * r.mean_stretch)
+    friction = groups.drive.mu_r * added * size / (2.0 * r.mean_stretch)
     return r.haul + (more * tau).sum(1) + friction
 
 
@@ -202,20 +205,20 @@ def _min_tension_and_position(r: Rest, sigma: float) -> tuple[Array, Array]:
     return np.minimum(behind, ahead), np.where(behind <= ahead, at[0], at[1])
 
 
-def _fields_at_frames(statics: Statics, g: Groups, s: Array, s_o: Array, ds: Array) -> dict[str, Any]:
+def _fields_at_frames(statics: Statics, groups: Groups, s: Array, s_o: Array, ds: Array) -> dict[str, Any]:
     """Displacement, velocity and tension at frames, (k, m) each."""
-    hanging = np.stack(coordinates(s, g.sigma, g.c), -1)
+    hanging = np.stack(coordinates(s, groups.sigma, groups.c), -1)
     step = 1e-5
-    w = _station_points(statics(s_o), g, s) - hanging  # (k, m, 2)
-    later = _station_points(statics(s_o + step), g, s) - hanging
-    earlier = _station_points(statics(s_o - step), g, s) - hanging
+    w = _station_points(statics(s_o), groups, s) - hanging  # (k, m, 2)
+    later = _station_points(statics(s_o + step), groups, s) - hanging
+    earlier = _station_points(statics(s_o - step), groups, s) - hanging
     change = (later - earlier) / (2.0 * step)  # with s_o
     velocity = change * ds[:, None, None]
     tension = statics.tension_at_stations(s, s_o)
     return {"u": w[..., 0], "v": w[..., 1], "du": velocity[..., 0], "dv": velocity[..., 1], "T": tension}
 
 
-def _station_points(r: Rest, g: Groups, s: Array) -> Array:
+def _station_points(r: Rest, groups: Groups, s: Array) -> Array:
     """Points (k, m, 2) of stations s: the integral of r' over pieces that are cut at the car."""
     x, w = np.polynomial.legendre.leggauss(4)  # points between two stations
     stations = np.broadcast_to(s, (r.s.size, s.size))
@@ -226,10 +229,10 @@ def _station_points(r: Rest, g: Groups, s: Array) -> Array:
     ahead = ends[:, 1:] > r.s[:, None]  # (k, m)
     force = r.left_force[:, None] + ahead[..., None] * r.jump[:, None]  # at s = 0 of each side (k, m, 2)
     horizontal = force[..., :1]  # (k, m, 1)
-    vertical = force[..., 1:] - g.sigma * p  # (k, m, POINTS)
-    stretch = 1.0 - static_tension(p, g.sigma, g.c) / g.alpha  # of the empty cable
+    vertical = force[..., 1:] - groups.sigma * p  # (k, m, POINTS)
+    stretch = 1.0 - static_tension(p, groups.sigma, groups.c) / groups.alpha  # of the empty cable
     tension = np.sqrt(horizontal**2 + vertical**2)
-    weights = half * w * (stretch / tension + 1.0 / g.alpha)  # (k, m, POINTS)
+    weights = half * w * (stretch / tension + 1.0 / groups.alpha)  # (k, m, POINTS)
     dx = horizontal[..., 0] * weights.sum(axis=2)  # of each piece (k, m)
     dy = (weights * vertical).sum(axis=2)
     start = np.zeros((r.s.size, 1, 2))

@@ -92,7 +92,9 @@ class RecomputedNumbers:
         self.until = last_time_valid_in_all(r, counterpart or r)
         # obstacles and ground: points (n, 2), x and depth [m]
         scene = self.data.scene
-        self.profiles = {o["name"]: np.array([[o["at"], o["top"]]], float) for o in scene.get("obstacle", [])}
+        self.profiles = {}
+        for obstacle in scene.get("obstacle", []):
+            self.profiles[obstacle["name"]] = np.array([[obstacle["at"], obstacle["top"]]], float)
         if scene.get("ground"):
             self.profiles["the ground"] = np.array(scene["ground"], float)
 
@@ -128,7 +130,8 @@ class RecomputedNumbers:
         signals = self._signals_of_kind(kind)
         assert signals is not None
         period = self.data.round_trip if averaged and kind.startswith(FORCES) else 0.0
-        values = np.concatenate([_moving_means(t, v, self.span, period).ravel() for t, v in signals if t.size])
+        known = [(t, v) for t, v in signals if t.size]
+        values = np.concatenate([_moving_means(t, v, self.span, period).ravel() for t, v in known])
         if not values.size:
             return None
         return float(values.min() if kind.endswith("_min") else values.max())
@@ -265,7 +268,8 @@ def _max_path_distance(r: Response, counterpart: Response, window: tuple[float, 
     """
     coarse, fine = sorted((r, counterpart), key=lambda x: x.t.size)
     position = coarse.s_o / coarse.length
-    rows = (position >= window[0]) & (position <= window[1] * (1.0 + ROUNDING)) & (coarse.t <= fine.t[-1])
+    in_window = (position >= window[0]) & (position <= window[1] * (1.0 + ROUNDING))
+    rows = in_window & (coarse.t <= fine.t[-1])
     names = ("x", "y") if r.drive == "free" else ("u", "v")
     offset = []
     for name in names:
@@ -456,7 +460,8 @@ def _relative_unexplained_energy(evidence: Evidence) -> Array:
     energy = np.interp(evidence.window_times, r.t, car) + of_rope
     along = np.divide(r.velocity, speed, out=np.zeros_like(r.velocity), where=speed > 0.0)  # the path (n, 2)
     # force of the rope on the car (n, 2)
-    pressed = data.mass * (r.acceleration - [0.0, data.gravity]) - evidence.air_drag_force
+    free_of_weight = r.acceleration - [0.0, data.gravity]
+    pressed = data.mass * free_of_weight - evidence.air_drag_force
     normal = np.abs(cross_product(along, pressed))
     stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
     friction = -data.drive.get("rolling_friction", 0.0) * normal * stretch * np.abs(evidence.travel_speed)
@@ -464,6 +469,8 @@ def _relative_unexplained_energy(evidence: Evidence) -> Array:
     if r.drive == "free":  # thrust acts along the path
         powers["thrust"] = evidence.thrust_or_haul_force * speed[:, 0] * np.sign(evidence.travel_speed)
     power = np.sum([*powers.values()], axis=0)
-    work = np.interp(evidence.window_times, r.t, cumulative_integral(r.t, power[:, None], r.force_jump_times)[:, 0])
+    work_at_steps = cumulative_integral(r.t, power[:, None], r.force_jump_times)[:, 0]
+    work = np.interp(evidence.window_times, r.t, work_at_steps)
     unexplained = energy - work
-    return np.asarray((unexplained - unexplained[0]) / (data.weight * max(np.ptp(r.y), r.max_deflection)))
+    scale = data.weight * max(np.ptp(r.y), r.max_deflection)
+    return np.asarray((unexplained - unexplained[0]) / scale)

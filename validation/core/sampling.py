@@ -67,15 +67,15 @@ class History:
     after: Solver | None  # tension-only, from the onset on
 
 
-def _finite_states_noting_failure(h: History) -> States:
-    """The states over time up to where they are not finite or the mass is past the cable; sets h.failure there."""
-    states = h.solver.states_over_time(stack_states(h.states))
+def _finite_states_noting_failure(history: History) -> States:
+    """The states over time up to where they are not finite or the mass is past the cable; sets its failure there."""
+    states = history.solver.states_over_time(stack_states(history.states))
     finite = [np.isfinite(x).all(axis=1) for x in (states.q, states.v, states.a)]  # (n,) each
     sound = np.logical_and.reduce(finite)
-    sound[-1] &= h.solver.position(h.states[-1]) <= MAX_POSITION
+    sound[-1] &= history.solver.position(history.states[-1]) <= MAX_POSITION
     if sound.all():
         return states
-    h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
+    history.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
     return _select_states(states, slice(0, int(np.argmin(sound))))
 
 
@@ -94,54 +94,55 @@ def path_fields_in_si(scene: Scene, t: Array, position: Array, w: Array) -> dict
     }  # fmt: skip
 
 
-def _slack_onset_within(h: History, states: States) -> Onset | None:
+def _slack_onset_within(history: History, states: States) -> Onset | None:
     """The slack onset, if it lies within the states."""
-    return h.onset if h.onset is not None and h.onset.step < states.t.size else None
+    return history.onset if history.onset is not None and history.onset.step < states.t.size else None
 
 
-def response_of_history(scene: Scene, h: History, *, frames: int = FRAMES, **how: Any) -> Response:
+def response_of_history(scene: Scene, history: History, *, frames: int = FRAMES, **how: Any) -> Response:
     """The response of a history so far; all but the path is computed when it is looked at.
 
     how : the fields that say what was run;  frames : smallest number of instants with fields.
     """
-    states = _finite_states_noting_failure(h)
-    onset = _slack_onset_within(h, states)
-    position, w = h.solver.mass_positions_and_displacements(states)
+    states = _finite_states_noting_failure(history)
+    onset = _slack_onset_within(history, states)
+    position, w = history.solver.mass_positions_and_displacements(states)
     slack_onset = None if onset is None else float(position[onset.step])
-    cause, reason = h.failure or (None, None)
+    cause, reason = history.failure or (None, None)
     motion = scene.groups.motion
     phases = [] if motion is None else motion.phases[1:]
     breaks = [scene.time_scale * t for t, _ in phases if t < states.t[-1]]
     work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
-    observed = LazyValue(partial(_observed_fields, scene, copy(h), states, frames, list(h.work.events)))
+    observed = LazyValue(partial(_observed_fields, scene, copy(history), states, frames, list(history.work.events)))
 
     def observed_field(name: str) -> Callable[[Response], Any]:
         return lambda r: observed()[name]
 
     return Response(
         **how, **path_fields_in_si(scene, states.t, position, w), scene=scene.name, scene_toml=scene.to_toml(),
-        horizontal_tension=scene.horizontal_tension, status="complete" if h.failure is None else "incomplete",
+        horizontal_tension=scene.horizontal_tension, status="complete" if history.failure is None else "incomplete",
         cause=cause, reason=reason, slack_onset=slack_onset, slack_at=None if onset is None else float(onset.s),
-        switched=None if h.after is None else slack_onset, breaks=breaks,
-        work={name: getattr(h.work, name) for name in work}, n_dof=h.states[0].q.size, seconds=h.seconds,
+        switched=None if history.after is None else slack_onset, breaks=breaks,
+        work={name: getattr(history.work, name) for name in work}, n_dof=history.states[0].q.size,
+        seconds=history.seconds,
         later={name: observed_field(name) for name in OBSERVED},
     )  # fmt: skip
 
 
 def _observed_fields(
-    scene: Scene, h: History, states: States, frames: int, passed: list[PassedEvent]
+    scene: Scene, history: History, states: States, frames: int, passed: list[PassedEvent]
 ) -> dict[str, Any]:
     """The fields of a `Response` that are OBSERVED."""
-    onset = _slack_onset_within(h, states)
-    switch = states.t[onset.step] if onset is not None and h.after is not None else math.inf
+    onset = _slack_onset_within(history, states)
+    switch = states.t[onset.step] if onset is not None and history.after is not None else math.inf
     t = times_of_frames(scene, float(states.t[-1]), frames)
     s = np.linspace(0.0, 1.0, STATIONS)
     with limited_to_one_blas_thread():
         if t.size == 0 or states.t.size == 1:
             at_frames = _select_states(states, slice(0, 0))
         else:
-            at_frames = _interpolated_states(_dense_states_around(h, states, t), t)
-        observation, steps = _observe_steps_and_frames(h, states, at_frames, switch, s)
+            at_frames = _interpolated_states(_dense_states_around(history, states, t), t)
+        observation, steps = _observe_steps_and_frames(history, states, at_frames, switch, s)
     result = observation_in_si(scene, observation, steps, s)
     result["events"] = _car_events(scene, passed, states.t, observation.s_o[steps], result["velocity"])
     return result
@@ -207,7 +208,8 @@ def _car_events(scene: Scene, passed: list[PassedEvent], t: Array, s_o: Array, v
         i = _nearest_index(t, event.t)
         speed = 0.0 if event.name == "stop" else float(np.hypot(*velocity[i]))
         t_event = float(scene.time_scale * t[i])
-        rows.append({"event": event.name, "t": t_event, "s_o": float(scene.length * s_o[i]), "speed": speed})
+        position = float(scene.length * s_o[i])
+        rows.append({"event": event.name, "t": t_event, "s_o": position, "speed": speed})
     return rows
 
 
@@ -263,32 +265,35 @@ def _times_at_position_marks(motion: Motion, frames: int) -> Array:
     end_time = motion.phases[-1][1]
     end = motion.position(np.array([end_time]))[0]
     marks = np.arange(1, FRAMES) / FRAMES
-    passed = motion.times_at_positions(marks[(motion.start_position <= marks) & (marks < end)])
+    on_the_way = (motion.start_position <= marks) & (marks < end)
+    passed = motion.times_at_positions(marks[on_the_way])
     edges = np.unique(np.concatenate([[0.0], passed, [end_time]]))
     longest = end_time / frames
     parts = np.ceil(np.diff(edges) / longest * (1.0 - 1e-9)).astype(int)
-    filled = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(edges[:-1], edges[1:], parts, strict=True)]
+    filled = []
+    for low, high, count in zip(edges[:-1], edges[1:], parts, strict=True):
+        filled.append(np.linspace(low, high, count, endpoint=False))
     first = 0 if motion.start_position > 0.0 else 1
     return np.concatenate(filled)[first:]
 
 
-def _dense_states_around(h: History, states: States, t: Array) -> States:
+def _dense_states_around(history: History, states: States, t: Array) -> States:
     """States around t, with collocation steps in parts so that cubics suffice."""
-    if not isinstance(h.states[states.t.size - 1], Collocated):
+    if not isinstance(history.states[states.t.size - 1], Collocated):
         return states
     steps = np.unique(np.clip(np.searchsorted(states.t, t), 1, states.t.size - 1))
     dense: list[State] = []
     parts = 6  # of a collocation step, for cubics
     for i in steps.tolist():
-        dense += with_states_inside_steps([h.states[i - 1], h.states[i]], parts)
-    return h.solver.states_over_time(stack_states(dense))
+        dense += with_states_inside_steps([history.states[i - 1], history.states[i]], parts)
+    return history.solver.states_over_time(stack_states(dense))
 
 
-def _interpolated_states(h: States, t: Array) -> States:
+def _interpolated_states(states: States, t: Array) -> States:
     """States between steps by cubic Hermite in (q, v), without the accelerations, which alternate."""
-    i = np.clip(np.searchsorted(h.t, t, side="left"), 1, h.t.size - 1)
-    before = _select_states(h, i - 1)
-    after = _select_states(h, i)
+    i = np.clip(np.searchsorted(states.t, t, side="left"), 1, states.t.size - 1)
+    before = _select_states(states, i - 1)
+    after = _select_states(states, i)
     dt = (after.t - before.t)[:, None]  # (k, 1)
     x = (t - before.t)[:, None] / dt
     a = (1.0 - x) * before.a + x * after.a  # (k, n_dof)
@@ -296,17 +301,17 @@ def _interpolated_states(h: States, t: Array) -> States:
 
 
 def _observe_steps_and_frames(
-    h: History, steps: States, frames: States, switch: float, s: Array
+    history: History, steps: States, frames: States, switch: float, s: Array
 ) -> tuple[Observation, NDArray[np.bool_]]:
     """Observe steps and frames together with the law in force; also which rows (n,) are steps."""
     observations = []
     is_step = []
     end = int(np.searchsorted(steps.t, switch, side="right"))
     frames_end = int(np.searchsorted(frames.t, switch, side="right"))
-    pieces = [(h.solver, _select_states(steps, slice(end)), _select_states(frames, slice(frames_end)))]
-    if h.after is not None:
+    pieces = [(history.solver, _select_states(steps, slice(end)), _select_states(frames, slice(frames_end)))]
+    if history.after is not None:
         steps_after = _select_states(steps, slice(end, None))
-        pieces.append((h.after, steps_after, _select_states(frames, slice(frames_end, None))))
+        pieces.append((history.after, steps_after, _select_states(frames, slice(frames_end, None))))
     for solver, of_steps, of_frames in pieces:
         n = of_steps.t.size
         k = of_frames.t.size

@@ -37,21 +37,23 @@ def with_wheel_loads_by_hand(motion: LineMotion, line: Line, moving: MovingLine,
     return dataclasses.replace(motion, cars=tuple(cars))
 
 
-def wheel_loads_by_hand(wheels: Wheels, car: Car, x: CarMotion, thrust: Array, gravity: float) -> tuple[Array, Array]:
+def wheel_loads_by_hand(
+    wheels: Wheels, car: Car, motion: CarMotion, thrust: Array, gravity: float
+) -> tuple[Array, Array]:
     """Loads (n,) [N] of the rear and the front wheel; thrust (n,) [N]."""
     drive = car.drive
-    mean = x.slope_behind + x.slope_ahead  # (n, 2)
+    mean = motion.slope_behind + motion.slope_ahead  # (n, 2)
     tau = mean / np.linalg.norm(mean, axis=1)[:, None]
-    air = x.velocity - [drive.wind, 0.0]
+    air = motion.velocity - [drive.wind, 0.0]
     drag = -drive.k * np.linalg.norm(air, axis=1)[:, None] * air
-    needed = car.mass * (x.acceleration - [0.0, gravity]) - drag
+    needed = car.mass * (motion.acceleration - [0.0, gravity]) - drag
     hauled = drive.mode == "haul"
-    driving = x.haul_force if hauled else thrust
+    driving = motion.haul_force if hauled else thrust
     resisting = np.sum(needed * tau, axis=1) - driving  # - B_1 - B_2
     below = drive.hitch[1] if hauled else drive.thrust_at[1]
     moment = wheels.below * resisting - below * driving
-    rear = ((0.5 * wheels.base - wheels.ahead) * x.contact_force - moment) / wheels.base
-    return rear, x.contact_force - rear
+    rear = ((0.5 * wheels.base - wheels.ahead) * motion.contact_force - moment) / wheels.base
+    return rear, motion.contact_force - rear
 
 
 def approximate_pitch_period(wheels: Wheels, mass: float, N: float) -> float:
@@ -60,18 +62,18 @@ def approximate_pitch_period(wheels: Wheels, mass: float, N: float) -> float:
     return 2.0 * math.pi * math.sqrt(inertia / (N * wheels.base))
 
 
-def neglected_wheel_load(wheels: Wheels, mass: float, gravity: float, t: Array, x: CarMotion) -> float:
+def neglected_wheel_load(wheels: Wheels, mass: float, gravity: float, t: Array, motion: CarMotion) -> float:
     """The largest of what loads by hand at times t (n,) leave out [N].
 
     The normals of the wheels are R_1/(2 N) and R_2/(2 N) off that of the rope between them, which has turned by half of
     (R_2 - R_1)/N.  Pitch answers a change within half its period by as much again.
     """
-    assert x.wheel_loads is not None
-    rear, front = x.wheel_loads
-    N = 0.5 * (x.tension_behind + x.tension_ahead)
-    tau = x.slope_behind + x.slope_ahead  # (n, 2), not of unit length
+    assert motion.wheel_loads is not None
+    rear, front = motion.wheel_loads
+    N = 0.5 * (motion.tension_behind + motion.tension_ahead)
+    tau = motion.slope_behind + motion.slope_ahead  # (n, 2), not of unit length
     along = mass * gravity * np.abs(tau[:, 1]) / np.linalg.norm(tau, axis=1)
-    lever = np.abs(wheels.below * x.contact_force) / wheels.base + 0.5 * along
+    lever = np.abs(wheels.below * motion.contact_force) / wheels.base + 0.5 * along
     tilted = lever * np.abs(front - rear) / (2.0 * N)
     period = approximate_pitch_period(wheels, mass, float(np.min(N)))
     later = np.interp(t + 0.5 * period, t, rear)
