@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import skfem
@@ -39,14 +40,14 @@ def weak_force(eta, w):
 
 
 @skfem.LinearForm
-def weak_force_by_h(eta, w):
+def weak_force_derivative_by_h(eta, w):
     """d/dh of `weak_force`."""
     return -w.EA * w.lam / w.h * (w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]) - w.q * eta[1]
 
 
 @skfem.BilinearForm
-def stiffness(phi, eta, w):
-    """d(N t)/dr."""
+def weak_force_derivative_by_r(phi, eta, w):
+    """d/dr of `weak_force`."""
     along = w.t[0] * phi.grad[0, 0] + w.t[1] * phi.grad[1, 0]
     by = w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]
     both = phi.grad[0, 0] * eta.grad[0, 0] + phi.grad[1, 0] * eta.grad[1, 0]
@@ -55,13 +56,14 @@ def stiffness(phi, eta, w):
 
 
 @skfem.Functional
-def energy_by_h(w):
+def energy_derivative_by_h(w):
     """Equation of h."""
     return w.a * (w.W - w.N * w.lam) - w.q * w.y
 
 
 @skfem.Functional
-def energy_by_h_twice(w):
+def energy_second_derivative_by_h(w):
+    """d/dh of `energy_derivative_by_h`."""
     return w.a * w.EA * w.lam**2 / w.h
 
 
@@ -70,7 +72,16 @@ def _vector_length(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.sqrt(x * x + y * y)
 
 
-class _Batch:
+class _Condition(NamedTuple):
+    """A special row: a condition on the forces at a station, in the place of the equation of an unknown."""
+
+    unknown: int
+    station: int
+    kind: str
+    target: float
+
+
+class _LineBatch:
     """Many cases as one mesh and one system of block equations.
 
     Values of pieces w = (u, h) follow from the unknowns, w = T X + w0.  With derivatives z = (f, g) of energies by w,
@@ -94,10 +105,10 @@ class _Batch:
         self.dofs = self.basis.nodal_dofs[:, ids]  # (2, pieces, elements + 1)
         data = np.array([(case.weight, case.EA, case.thermal_stretch) for case in cases])[self.owner[self.left]]
         self.q, self.EA, self.a = np.repeat(data, elements, axis=0).T[:, :, None]
-        self._number_unknowns()
-        self._set_start([start for _, start in starts])
+        self._set_up_unknowns()
+        self._set_first_guess([start for _, start in starts])
 
-    def _number_unknowns(self) -> None:
+    def _set_up_unknowns(self) -> None:
         N = self.basis.N
         h = self.basis.N + np.arange(self.pieces)
         self.prescribed = np.concatenate([np.column_stack([case.points_or_nan, case.s_or_nan]) for case in self.cases])
@@ -125,12 +136,12 @@ class _Batch:
         case_of = np.empty(N, int)
         case_of[self.basis.element_dofs] = np.repeat(self.owner[self.left], self.elements)
         self.case_of = np.concatenate([np.repeat(self.owner, 3)[free.ravel()], case_of[inner]])
-        self._collect_loads_springs_and_conditions()
+        self._set_loads_springs_and_conditions()
         plain = np.ones(self.size)
         plain[self.rows] = 0.0
         self.B = diags(plain) @ self.T.T
 
-    def _collect_loads_springs_and_conditions(self) -> None:
+    def _set_loads_springs_and_conditions(self) -> None:
         """Collect constant loads, springs and special rows."""
         self.load, self.spring = np.zeros(self.size), np.zeros(self.size)
         for k, p in enumerate(self.stations):
@@ -144,40 +155,41 @@ class _Batch:
                 self.load[self.number[k, :2]] = -np.array(p.stiffness) * (p.x, p.y)
             elif p.kind == "grips":
                 self.load[row] = -p.force
-        special = [*self._rows_of_cars(), *self._rows_of_prescribed_tensions()]
-        self.rows = np.array([x[0] for x in special], int)
-        at = np.array([x[1] for x in special], int)
-        self.kinds = np.array([x[2] for x in special])
-        self.targets = np.array([x[3] for x in special])
+        special = [*self._car_conditions(), *self._tension_conditions()]
+        self.rows = np.array([x.unknown for x in special], int)
+        at = np.array([x.station for x in special], int)
+        self.kinds = np.array([x.kind for x in special])
+        self.targets = np.array([x.target for x in special])
         self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
 
-    def _rows_of_cars(self) -> Iterator[tuple[int, int, str, float]]:
-        """Special rows of cars that grip or are hauled: unknown, station, kind and target."""
+    def _car_conditions(self) -> Iterator[_Condition]:
+        """Of cars that grip or are hauled."""
         for k, p in enumerate(self.stations):
             _, row, slides = self.number[k]
             if p.kind == "grips":
-                yield slides, k, p.kind, 0.0
+                yield _Condition(slides, k, p.kind, 0.0)
             elif p.kind == "hauled":
-                yield row, k, p.kind, p.force
+                yield _Condition(row, k, p.kind, p.force)
 
-    def _rows_of_prescribed_tensions(self) -> Iterator[tuple[int, int, str, float]]:
-        """The same of cases whose tension is prescribed at a station."""
+    def _tension_conditions(self) -> Iterator[_Condition]:
+        """Of cases whose tension is prescribed at a station."""
         for case, last in zip(self.cases, self.last, strict=True):
             if case.prescribed_tension is not None:
                 station, tension = case.prescribed_tension
-                yield self.number[last, 2], last + 1 - len(case.stations) + station, "tied", tension
+                first = last + 1 - len(case.stations)
+                yield _Condition(self.number[last, 2], first + station, "tied", tension)
 
-    def _force_conditions(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The special rows (m,), and d/df (m, 4)."""
+    def _condition_values_and_derivatives(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values (m,) of the conditions, and their derivatives (m, 4) by the forces at the stations."""
         # complex-step differentiation
         f = np.where(self.ends >= 0, z[self.ends], 0.0).T
         tiny = 1e-30
         shifted = f[:, None] + 1j * tiny * np.eye(4)[:, :, None]
-        return self._conditions_of_forces(f), self._conditions_of_forces(shifted).imag.T / tiny
+        return self._condition_values(f), self._condition_values(shifted).imag.T / tiny
 
-    def _conditions_of_forces(self, f: np.ndarray) -> np.ndarray:
-        """Special rows of forces f (4, ..., m), behind and ahead; also complex ones."""
-        bx, by, ax, ay = f
+    def _condition_values(self, forces: np.ndarray) -> np.ndarray:
+        """Values of the conditions on forces (4, ..., m), x and y behind and ahead; also complex ones."""
+        bx, by, ax, ay = forces
         W = self.targets
         last = self.ends[:, 2] < 0
         # across tau: (f_behind + f_ahead - W j) x (f_behind - f_ahead) = 0, over 2 |f|
@@ -186,7 +198,7 @@ class _Batch:
         tension = _vector_length(np.where(last, bx, ax), np.where(last, by, ay))
         return np.select([self.kinds == "hauled", self.kinds == "tied"], [turn, tension - W], bx + ax)
 
-    def _set_start(self, starts: Sequence[Start]) -> None:
+    def _set_first_guess(self, starts: Sequence[Start]) -> None:
         start = np.concatenate([np.column_stack([x.points, x.s]) for x in starts])
         self.reach = np.array([np.ptp(x.points[:, 0]) for x in starts])
         self.H = np.array([x.H.mean() for x in starts])
@@ -224,32 +236,35 @@ class _Batch:
         broadcast = {name: np.broadcast_to(x, lam.shape) for name, x in values.items()}
         return {**broadcast, "lam": lam, "N": N, "W": W, "t": slope / length, "y": u[1]}
 
-    def derivatives(self, fields: dict[str, np.ndarray]) -> np.ndarray:
-        """z = (f, g)."""
-        g = energy_by_h.elemental(self.basis, **fields).reshape(self.pieces, -1).sum(axis=1)
+    def energy_derivatives(self, fields: dict[str, np.ndarray]) -> np.ndarray:
+        """z = (f, g) by the nodes and by h; fields : see `form_data`."""
+        g = energy_derivative_by_h.elemental(self.basis, **fields).reshape(self.pieces, -1).sum(axis=1)
         return np.concatenate([weak_force.assemble(self.basis, **fields), g])
 
-    def residual(self, X: np.ndarray, fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """The residual (size,), and the derivatives of `_force_conditions`."""
-        z = self.derivatives(fields)
-        value, slope = self._force_conditions(z)
+    def residual_and_condition_slopes(
+        self, X: np.ndarray, fields: dict[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The residual (size,), and the derivatives of `_condition_values_and_derivatives`."""
+        z = self.energy_derivatives(fields)
+        value, slope = self._condition_values_and_derivatives(z)
         R = self.B @ z + self.spring * X + self.load
         R[self.rows] = value
         return R, slope
 
-    def tangent(self, fields: dict[str, np.ndarray], slope: np.ndarray):
-        c = weak_force_by_h.assemble(self.basis, **fields)
+    def tangent(self, fields: dict[str, np.ndarray], condition_slopes: np.ndarray) -> Any:
+        """Derivatives of the residual, sparse (size, size)."""
+        c = weak_force_derivative_by_h.assemble(self.basis, **fields)
         piece = np.empty(self.basis.N, int)
         piece[self.basis.element_dofs] = np.repeat(np.arange(self.pieces), self.elements)
         C = coo_matrix((c, (np.arange(c.size), piece)), (c.size, self.pieces))
-        D = energy_by_h_twice.elemental(self.basis, **fields).reshape(self.pieces, -1).sum(axis=1)
-        K = bmat([[stiffness.assemble(self.basis, **fields), C], [C.T, diags(D)]], format="csr")
+        D = energy_second_derivative_by_h.elemental(self.basis, **fields).reshape(self.pieces, -1).sum(axis=1)
+        K = bmat([[weak_force_derivative_by_r.assemble(self.basis, **fields), C], [C.T, diags(D)]], format="csr")
         real = self.ends >= 0
         rows = np.broadcast_to(self.rows[:, None], real.shape)[real]
-        B = self.B + coo_matrix((slope[real], (rows, self.ends[real])), self.B.shape).tocsr()
+        B = self.B + coo_matrix((condition_slopes[real], (rows, self.ends[real])), self.B.shape).tocsr()
         return B @ K @ self.T + diags(self.spring)
 
-    def residual_norms(self, R: np.ndarray) -> np.ndarray:
+    def residual_norm_per_case(self, R: np.ndarray) -> np.ndarray:
         return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
 
     def solve(self) -> list[LineState | NoLineAtRest]:
@@ -262,44 +277,44 @@ class _Batch:
         rough = 1e-2  # last step over the reach, for a soft rope
         last = 1e-9  # last step over the reach
         for i in range(stages, -1, -1):
-            self._newton(i / stages, rough if i else last, stuck)
+            self._iterate_newton(i / stages, rough if i else last, stuck)
         states = self._states()
         return [
             LineNotConverged("no state of rest was found") if no else x for no, x in zip(stuck, states, strict=True)
         ]
 
-    def _newton(self, softness: float, enough: float, stuck: np.ndarray) -> None:
-        """Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,)."""
+    def _iterate_newton(self, softness: float, tolerance: float, stuck: np.ndarray) -> None:
+        """Set X by Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,)."""
         fields = self.form_data(self.X, softness)
-        R, slope = self.residual(self.X, fields)
+        R, slope = self.residual_and_condition_slopes(self.X, fields)
         near = 1e-6  # residual over H for undamped steps
         smallest_factor = 1e-3  # of damping
         for _ in range(100):  # of Newton's method
             step = -spsolve(self.tangent(fields, slope).tocsc(), R)
             if not np.isfinite(step).all():
                 break
-            before = self.residual_norms(R)
+            before = self.residual_norm_per_case(R)
             part = np.where(stuck, 0.0, 1.0)
             while True:
                 trial = self.X + part[self.case_of] * step
                 fields = self.form_data(trial, softness)
-                R, slope = self.residual(trial, fields)
-                worse = ~(self.residual_norms(R) < before) & (before > near * self.H) & ~stuck
+                R, slope = self.residual_and_condition_slopes(trial, fields)
+                worse = ~(self.residual_norm_per_case(R) < before) & (before > near * self.H) & ~stuck
                 if not worse.any():
                     break
                 part[worse] *= 0.5
                 stuck |= part < smallest_factor
                 part[stuck] = 0.0
             self.X = trial
-            if np.max(np.abs(step) / self.reach[self.case_of], where=~stuck[self.case_of], initial=0.0) < enough:
+            if np.max(np.abs(step) / self.reach[self.case_of], where=~stuck[self.case_of], initial=0.0) < tolerance:
                 return
         raise LineNotConverged("no state of rest was found")
 
     def _states(self) -> list[LineState]:
-        """States, with weak nodal forces as pulls."""
+        """State of each case; the forces of the rope are the weak ones at the nodes."""
         fields = self.form_data(self.X, 0.0)
         points = self.prescribed.copy()
-        z = np.append(self.derivatives(fields), np.nan)  # last: no piece
+        z = np.append(self.energy_derivatives(fields), np.nan)  # last: no piece
         points[self.number >= 0] = self.X[self.number[self.number >= 0]]
         behind = z[self.behind[:, :2]]
         ahead = -z[self.ahead[:, :2]]
@@ -321,16 +336,20 @@ def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLineAt
     """
     starts = [first_guess(case) for case in cases]
     carried = [(case, x) for case, x in zip(cases, starts, strict=True) if isinstance(x, Start)]
-    solved = iter(_solve_from(carried, elements) if carried else [])
+    solved = iter(_solve_with_guesses(carried, elements) if carried else [])
     return [next(solved) if isinstance(x, Start) else x for x in starts]
 
 
-def _solve_from(cases: Sequence[tuple[Case, Start]], elements: int) -> list[LineState | NoLineAtRest]:
+def _solve_with_guesses(cases: Sequence[tuple[Case, Start]], elements: int) -> list[LineState | NoLineAtRest]:
     """The same with a first guess of each case."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", MatrixRankWarning)
-            return _Batch(cases, elements).solve()
+            return _LineBatch(cases, elements).solve()
     except NoLineAtRest as error:
         half = len(cases) // 2
-        return [*_solve_from(cases[:half], elements), *_solve_from(cases[half:], elements)] if half else [error]
+        return (
+            [*_solve_with_guesses(cases[:half], elements), *_solve_with_guesses(cases[half:], elements)]
+            if half
+            else [error]
+        )

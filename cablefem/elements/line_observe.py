@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 
-from cablefem.elements.bodies import CarData, forces_on_cars
+from cablefem.elements.bodies import INPUTS, CarData, ForcesOnCars, forces_on_cars
 from cablefem.elements.off_rope import CarOffRope
 from cablefem.elements.reference import lagrange_element, shape_polynomials
 from cablefem.elements.segments import Motion, dot
@@ -40,9 +40,9 @@ class _History:
         self.slopes = self.split_by_time(slopes)  # (2, n, K, 2)
         self._set_end_forces(nodal_rows, slopes)
 
-    def split_by_time(self, x: Array) -> Array:
+    def split_by_time(self, values: Array) -> Array:
         """(e, n K, ...) as (e, n, K, ...)."""
-        return x.reshape(2, self.t.size, -1, *x.shape[2:])
+        return values.reshape(2, self.t.size, -1, *values.shape[2:])
 
     def _set_end_forces(self, nodal_rows: Array, end_slopes: Array) -> None:
         """N t at the ends of the segments (2, n, K, 2), by their balance, and rows of the end nodes."""
@@ -52,45 +52,38 @@ class _History:
         self.balance_rows = self.split_by_time(rows)
         self.end_forces = self.split_by_time(np.stack([-(rows[0] + flow[0]), rows[1] - flow[1]]))
 
-    def contact_points(self, k: int, x: Array) -> Array:
-        """Points of contact k (n, 2), from coordinates (n, size)."""
-        return x[:, 2 * self.system.node[k] + np.arange(2)]
+    def contact_points(self, k: int, coordinates: Array) -> Array:
+        """Points of contact k (n, 2), or their rates, from coordinates (n, size)."""
+        return coordinates[:, 2 * self.system.node[k] + np.arange(2)]
 
-    def behind_and_ahead(self, k: int, x: Array) -> tuple[Array, Array]:
-        """Behind and ahead of contact k, of (2, n, K, ...); nan beyond the rope."""
-        none = np.full_like(x[0, :, 0], np.nan)
-        behind = x[1, :, k - 1] if k > 0 else none
-        ahead = x[0, :, k] if k < x.shape[2] else none
+    def behind_and_ahead(self, k: int, segment_ends: Array) -> tuple[Array, Array]:
+        """Values beside contact k, of those at the ends of segments (2, n, K, ...); nan beyond the rope."""
+        none = np.full_like(segment_ends[0, :, 0], np.nan)
+        behind = segment_ends[1, :, k - 1] if k > 0 else none
+        ahead = segment_ends[0, :, k] if k < segment_ends.shape[2] else none
         return behind, ahead
 
-    def integral(self, density: Array) -> Array:
+    def integral_over_rope(self, density: Array) -> Array:
         """int density ds over the rope (n,), of (n K, G)."""
         return ((density * self.points.h) @ self.segments.weights).reshape(self.t.size, -1).sum(axis=1)
 
 
-def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMotion:
-    """What the states show at the stations s (m,)."""
+def observe_line(system: LineElements, states: Sequence[State], s: Array) -> LineMotion:
+    """What the states show, with the rope at the stations s (m,)."""
     x = _History(system, states)
-    p = x.points
-    kinetic = x.integral(0.5 * system.segments.rho * dot(p.w, p.w))
-    powers: dict[str, Array] = {}
-    strain, potential = x.integral(p.W), -x.integral(system.segments.q * p.y)
     contacts = tuple(_contact_motion(x, k, c) for k, c in zip(system.supports, system.line.supports, strict=True))
-    for k in (0, -1):
-        contact = system.line.supports[k]
-        if contact.stiffness is not None:
-            away = x.contact_points(k, x.q) - contact.point
-            strain = strain + 0.5 * np.sum(np.array(contact.stiffness) * away**2, axis=1)
-        if contact.force is not None:
-            slot = system.s[k]
-            force = system.counterweight_row(k, x.v[:, slot], x.a[:, slot])
-            powers[f"{contact.name} weight"] = -force * x.v[:, slot]
-    cars = _car_motions(x, powers) if system.cars else ()
+    cars, car_powers = _car_motions_and_powers(x)
+    powers = _counterweight_powers(x) | car_powers
     for off_rope in system.off_rope.values():
         state = _state_off_rope(x, off_rope, states)
         motion, powers_off = off_rope_motion_and_powers(system.line, off_rope.car, states, state, contacts)
         powers |= powers_off
         cars += (motion,)
+    p = x.points
+    kinetic, potential = (
+        x.integral_over_rope(0.5 * system.segments.rho * dot(p.w, p.w)),
+        -x.integral_over_rope(system.segments.q * p.y),
+    )
     for car, motion in zip((*system.line.cars, *system.line.over), cars, strict=True):
         kinetic = kinetic + _car_kinetic_energy(car, motion)
         potential = potential - car.mass * system.line.gravity * motion.point[:, 1]
@@ -101,8 +94,31 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
     points, tension = _points_and_tensions(x, s)
     return LineMotion(
         t=x.t, cars=cars, contacts=add_shoe_forces(system.line, cars, contacts), s=s, points=points, tension=tension,
-        kinetic=kinetic, strain=strain, potential=potential, powers=powers,
+        kinetic=kinetic, strain=_strain_energy(x), potential=potential, powers=powers,
     )  # fmt: skip
+
+
+def _strain_energy(x: _History) -> Array:
+    """Energy (n,) [J] of the rope and of springs at its ends."""
+    energy = x.integral_over_rope(x.points.W)
+    for k in (0, -1):
+        support = x.system.line.supports[k]
+        if support.stiffness is not None:
+            away = x.contact_points(k, x.q) - support.point
+            energy = energy + 0.5 * np.sum(np.array(support.stiffness) * away**2, axis=1)
+    return energy
+
+
+def _counterweight_powers(x: _History) -> dict[str, Array]:
+    """Power (n,) [W] of each counterweight on the rope, by "NAME weight"."""
+    powers = {}
+    for k in (0, -1):
+        support = x.system.line.supports[k]
+        if support.force is not None:
+            slot = x.system.s[k]
+            force = x.system.counterweight_row(k, x.v[:, slot], x.a[:, slot])
+            powers[f"{support.name} weight"] = -force * x.v[:, slot]
+    return powers
 
 
 def _car_kinetic_energy(car: Car, motion: CarMotion) -> Array:
@@ -135,53 +151,77 @@ def _contact_motion(x: _History, k: int, contact: Contact) -> ContactMotion:
     )  # fmt: skip
 
 
-def _car_motions(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
-    """Motion of the cars; adds their powers."""
+def _car_motions_and_powers(x: _History) -> tuple[tuple[CarMotion, ...], dict[str, Array]]:
+    """Motion of the cars on the rope, and powers (n,) [W] by "NAME force"."""
     system = x.system
-    ks, slots = np.array(system.cars), system.s[system.cars]
-    behind, ahead = x.slopes[1][:, ks - 1], x.slopes[0][:, ks]  # of two wheels at the front one
-    velocity, acceleration = (np.stack([x.contact_points(k, z) for k in ks], axis=1) for z in (x.v, x.a))
-    F_and_swing = np.zeros((x.t.size, ks.size, 4))
-    F_and_swing[:, system.of_force, 0] = x.a[:, system.force]
-    F_and_swing[:, system.of_swing, 1:] = np.stack([z[:, system.swing] for z in (x.q, x.v, x.a)], axis=2)
-    data = _car_data(x, x.q[:, slots], x.v[:, slots])
-    on = forces_on_cars(data, np.concatenate([behind, ahead, velocity, acceleration, F_and_swing], axis=2))
+    if not system.cars:
+        return (), {}
+    k = np.array(system.cars)
+    slots = system.s[k]
+    data = _car_data_over_time(x, x.q[:, slots], x.v[:, slots])
+    inputs = _car_force_inputs(x)
+    on = forces_on_cars(data, inputs)
+    rows = x.ends[1][:, k - 1] + x.ends[0][:, k]
     trolleys = {trolley.i: trolley for trolley in system.trolleys}
-    along = np.sum(on.tau * velocity, axis=2)
-    rows = x.ends[1][:, ks - 1] + x.ends[0][:, ks]
-    none = np.full(x.t.size, np.nan)
-    out = []
-    for i, (k, car) in enumerate(zip(ks.tolist(), system.line.cars, strict=True)):
-        ds = x.v[:, slots[i]]
+    motions = []
+    powers: dict[str, Array] = {}
+    for i, car in enumerate(system.line.cars):
         if i in trolleys:
-            out.append(_trolley_motion(x, trolleys[i], data, rows[:, i], powers))
-            continue
-        grips, hauled = car.drive_kind == "grip", car.drive.mode == "haul"
-        powers[f"{car.name} friction"] = on.stretch[:, i] * on.friction[:, i] * ds
-        powers[f"{car.name} drag"] = on.air_power[:, i]
-        point = x.contact_points(k, x.q)
-        turning = None if car.hanger is None else _swing_motion(F_and_swing[:, i, 1:], point, data.arm[i])
-        if turning is not None:
-            powers[f"{car.name} swing"] = -data.resistance[i] * turning.rate**2
-        if grips:
-            powers[f"{car.name} grip"] = rows[:, i] * ds
-            del powers[f"{car.name} friction"], powers[f"{car.name} drag"]
-        if hauled:
-            powers[f"{car.name} haul"] = on.haul[:, i] * along[:, i]
-        if car.drive_kind == "free":
-            powers[f"{car.name} thrust"] = data.thrust[:, i] * along[:, i]
-            powers[f"{car.name} hold"] = on.stretch[:, i] * data.hold[:, i] * ds
-        tension = [np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.end_forces)]
-        from_rope = np.sum(x.behind_and_ahead(k, x.balance_rows), axis=0)
-        on_shoe = _force_on_shoe(car, point, from_rope + on.contact[:, i])
-        out.append(CarMotion(
-            name=car.name, s=x.q[:, slots[i]], ds=ds, point=point, velocity=velocity[:, i],
-            acceleration=acceleration[:, i], tension_behind=tension[0], tension_ahead=tension[1],
-            slope_behind=behind[:, i], slope_ahead=ahead[:, i], haul_force=on.haul[:, i] if hauled else none,
-            grip_force=rows[:, i] / on.stretch[:, i] if grips else none, contact_force=on.normal[:, i],
-            shoe_force=on_shoe, turning=turning,
-        ))  # fmt: skip
-    return tuple(out)
+            motion, of_car = _trolley_motion_and_powers(x, trolleys[i], data, rows[:, i])
+        else:
+            motion, of_car = _point_car_motion_and_powers(x, i, data, inputs[:, i], on, rows[:, i])
+        motions.append(motion)
+        powers |= {f"{car.name} {force}": power for force, power in of_car.items()}
+    return tuple(motions), powers
+
+
+def _car_force_inputs(x: _History) -> Array:
+    """Inputs (n, cars, INPUTS) of `bodies.forces_on_cars`; of two wheels those of the front one."""
+    system, k = x.system, np.array(x.system.cars)
+    inputs = np.zeros((x.t.size, k.size, INPUTS))
+    inputs[..., 0:2] = x.slopes[1][:, k - 1]
+    inputs[..., 2:4] = x.slopes[0][:, k]
+    for first, z in ((4, x.v), (6, x.a)):
+        inputs[..., first : first + 2] = np.stack([x.contact_points(contact, z) for contact in k], axis=1)
+    inputs[:, system.of_force, 8] = x.a[:, system.force]
+    inputs[:, system.of_swing, 9:12] = np.stack([z[:, system.swing] for z in (x.q, x.v, x.a)], axis=2)
+    return inputs
+
+
+def _point_car_motion_and_powers(
+    x: _History, i: int, data: CarData, inputs: Array, on: ForcesOnCars, row: Array
+) -> tuple[CarMotion, dict[str, Array]]:
+    """Motion of car i, which stands on one contact, and its powers; inputs (n, INPUTS), and its row of s (n,)."""
+    k, car = x.system.cars[i], x.system.line.cars[i]
+    slot = x.system.s[k]
+    ds, velocity = x.v[:, slot], inputs[:, 4:6]
+    grips, hauled = car.drive_kind == "grip", car.drive.mode == "haul"
+    point, along = x.contact_points(k, x.q), np.sum(on.tau[:, i] * velocity, axis=1)
+    turning = None if car.hanger is None else _swing_motion(inputs[:, 9:12], point, data.arm[i])
+    powers = {}
+    if not grips:
+        powers["friction"] = on.stretch[:, i] * on.friction[:, i] * ds
+        powers["drag"] = on.air_power[:, i]
+    if turning is not None:
+        powers["swing"] = -data.resistance[i] * turning.rate**2
+    if grips:
+        powers["grip"] = row * ds
+    if hauled:
+        powers["haul"] = on.haul[:, i] * along
+    if car.drive_kind == "free":
+        powers["thrust"] = data.thrust[:, i] * along
+        powers["hold"] = on.stretch[:, i] * data.hold[:, i] * ds
+    tension = [np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.end_forces)]
+    from_rope = np.sum(x.behind_and_ahead(k, x.balance_rows), axis=0)
+    none = np.full(x.t.size, np.nan)
+    motion = CarMotion(
+        name=car.name, s=x.q[:, slot], ds=ds, point=point, velocity=velocity, acceleration=inputs[:, 6:8],
+        tension_behind=tension[0], tension_ahead=tension[1], slope_behind=inputs[:, 0:2], slope_ahead=inputs[:, 2:4],
+        haul_force=on.haul[:, i] if hauled else none, grip_force=row / on.stretch[:, i] if grips else none,
+        contact_force=on.normal[:, i], shoe_force=_force_on_shoe(car, point, from_rope + on.contact[:, i]),
+        turning=turning,
+    )  # fmt: skip
+    return motion, powers
 
 
 def _state_off_rope(x: _History, off_rope: CarOffRope, states: Sequence[State]) -> OffRopeState:
@@ -197,66 +237,72 @@ def _state_off_rope(x: _History, off_rope: CarOffRope, states: Sequence[State]) 
     return OffRopeState(points, on.contact[:, 0], powers, turning)
 
 
-def _swing_motion(history: Array, point: Array, arm: float) -> Turning:
-    """Swing of a cabin; history : its angle, rate and acceleration (n, 3); arm [m] from the point (n, 2)."""
-    angle, rate, faster = history.T
-    out_of = arm * np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    return Turning(angle=angle, rate=rate, acceleration=faster, centre=point + out_of)
+def _swing_motion(swing: Array, point: Array, arm: float) -> Turning:
+    """Swing of a cabin, from its angle, rate and acceleration (n, 3); arm [m] from the point (n, 2)."""
+    angle, rate, acceleration = swing.T
+    below = arm * np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    return Turning(angle=angle, rate=rate, acceleration=acceleration, centre=point + below)
 
 
-def _force_on_shoe(car: Car, point: Array, missing: Array) -> Array:
-    """Force (n,) [N] of a car on the shoe that guides it; missing : what the rope does not give (n, 2)."""
+def _force_on_shoe(car: Car, point: Array, missing_force: Array) -> Array:
+    """Force (n,) [N] of a car on the shoe that guides it, 0 without one; missing_force : not from the rope (n, 2)."""
     if car.rail is None:
         return np.zeros(len(point))
-    return -dot(missing, downward_normals(car.rail, point[:, 0]))
+    return -dot(missing_force, downward_normals(car.rail, point[:, 0]))
 
 
-def _trolley_motion(x: _History, trolley: Trolley, data: CarData, grip: Array, powers: dict[str, Array]) -> CarMotion:
-    """Motion of a car on two wheels; adds its powers.  grip : row of s of the front wheel (n,)."""
-    system, car, pair = x.system, trolley.car, [trolley.k - 1, trolley.k]
-    nodes, slots = np.array(pair), system.s[pair]
-    P = x.balance_rows[1][:, nodes - 1] + x.balance_rows[0][:, nodes]
+def _trolley_motion_and_powers(
+    x: _History, trolley: Trolley, data: CarData, row: Array
+) -> tuple[CarMotion, dict[str, Array]]:
+    """Motion of a car on two wheels, and its powers; row : of s of the front wheel (n,)."""
+    car, pair = trolley.car, np.array([trolley.k - 1, trolley.k])
+    P = x.balance_rows[1][:, pair - 1] + x.balance_rows[0][:, pair]
     n = x.t.size
     on = trolley.forces(data, trolley.force_inputs((x.q, x.v, x.a), P.reshape(n, 4)))
-    sides = trolley.rope_slopes(x.q).reshape(n, 2, 2, 2)  # of each wheel, behind and ahead
-    s, ds = x.q[:, slots], x.v[:, slots]
-    tensions = [[np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.end_forces)] for k in pair]
-    wheels = tuple(
-        WheelMotion(
-            name=system.line.contacts_and_wheels[k].name, s=s[:, j], ds=ds[:, j],
-            point=x.contact_points(k, x.q), load=on.loads[j],
-            tension_behind=tensions[j][0], tension_ahead=tensions[j][1], slope_behind=sides[:, j, 0],
-            slope_ahead=sides[:, j, 1],
-        )
-        for j, k in enumerate(pair)
+    rear, front = _wheel_motions(x, trolley, on.loads)
+    angle, rate, angular_acceleration = (z[:, trolley.body[2]] for z in (x.q, x.v, x.a))
+    turning = Turning(
+        angle=angle, rate=rate, acceleration=angular_acceleration, centre=front.point + np.stack(on.centre, axis=1),
+        wheels=(rear, front),
     )  # fmt: skip
-    angle, rate, faster = (z[:, trolley.body[2]] for z in (x.q, x.v, x.a))
-    centre = x.contact_points(trolley.k, x.q) + np.stack(on.centre, axis=1)
-    turning = Turning(angle=angle, rate=rate, acceleration=faster, centre=centre, wheels=wheels)
-    none = np.full(n, np.nan)
     grips, hauled = car.drive_kind == "grip", car.drive.mode == "haul"
     if grips:
-        powers[f"{car.name} grip"] = grip * ds[:, 1]
+        powers = {"grip": row * front.ds}
     else:
-        powers[f"{car.name} friction"] = on.friction[0] * ds[:, 0] + on.friction[1] * ds[:, 1]
-        powers[f"{car.name} drag"] = on.drag
+        powers = {"friction": on.friction[0] * rear.ds + on.friction[1] * front.ds, "drag": on.drag}
     if hauled:
-        powers[f"{car.name} haul"] = on.haul
+        powers["haul"] = on.haul
     if car.drive_kind == "free":
-        powers[f"{car.name} thrust"] = on.thrust
-        powers[f"{car.name} hold"] = on.hold * ds[:, 1]
+        powers["thrust"] = on.thrust
+        powers["hold"] = on.hold * front.ds
     velocity, acceleration = (x.contact_points(trolley.k, z) for z in (x.v, x.a))
-    return CarMotion(
-        name=car.name, s=s[:, 1], ds=ds[:, 1], point=wheels[1].point, velocity=velocity, acceleration=acceleration,
-        tension_behind=wheels[0].tension_behind, tension_ahead=wheels[1].tension_ahead,
-        slope_behind=wheels[0].slope_behind, slope_ahead=wheels[1].slope_ahead,
-        haul_force=car.mass * x.a[:, trolley.force] if hauled else none,
-        grip_force=grip / on.stretch if grips else none, contact_force=on.loads[0] + on.loads[1],
+    none = np.full(n, np.nan)
+    motion = CarMotion(
+        name=car.name, s=front.s, ds=front.ds, point=front.point, velocity=velocity, acceleration=acceleration,
+        tension_behind=rear.tension_behind, tension_ahead=front.tension_ahead, slope_behind=rear.slope_behind,
+        slope_ahead=front.slope_ahead, haul_force=car.mass * x.a[:, trolley.force] if hauled else none,
+        grip_force=row / on.stretch if grips else none, contact_force=on.loads[0] + on.loads[1],
         shoe_force=np.zeros(n), turning=turning,
     )  # fmt: skip
+    return motion, powers
 
 
-def _car_data(x: _History, s: Array, ds: Array) -> CarData:
+def _wheel_motions(x: _History, trolley: Trolley, loads: Sequence[Array]) -> list[WheelMotion]:
+    """Of the rear wheel and of the front one."""
+    sides = trolley.rope_slopes(x.q).reshape(x.t.size, 2, 2, 2)  # of each wheel, behind and ahead
+    wheels = []
+    for j, k in enumerate((trolley.k - 1, trolley.k)):
+        slot = x.system.s[k]
+        behind, ahead = (np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.end_forces))
+        wheels.append(WheelMotion(
+            name=x.system.line.contacts_and_wheels[k].name, s=x.q[:, slot], ds=x.v[:, slot],
+            point=x.contact_points(k, x.q), load=loads[j], tension_behind=behind, tension_ahead=ahead,
+            slope_behind=sides[:, j, 0], slope_ahead=sides[:, j, 1],
+        ))  # fmt: skip
+    return wheels
+
+
+def _car_data_over_time(x: _History, s: Array, ds: Array) -> CarData:
     """Data of the cars at all times, (n, cars)."""
     system = x.system
     each = [system.car_data(t, phase) for t, phase in zip(x.t.tolist(), x.phase, strict=True)]

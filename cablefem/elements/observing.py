@@ -37,9 +37,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     mesh_at = system._mesh_kinematics(kinematics).T
     cable = observe_cable(system, mesh_at, states)
     lost = 2.0 * g.damping * cable.kinetic
-    powers = {}
-    if g.damping:
-        powers["lost_viscous"] = -lost
+    powers = {"lost_viscous": -lost} if g.damping else {}
     kinetic = cable.kinetic + 0.5 * system.inertia * np.sum(velocity**2, axis=0)
     potential = cable.potential - system.weight @ (position + w)
 
@@ -55,12 +53,14 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     else:
         at_mass = _chord_tensions(system, ends, cable.rise, T)
     power -= lost
-    for name in [name for name in at_mass if "behind" in name]:
-        at_mass[name] = np.where(s_o > 0.0, at_mass[name], np.nan)
+    for name, values in at_mass.items():
+        if "behind" in name:  # at the left support there is no cable behind
+            at_mass[name] = np.where(s_o > 0.0, values, np.nan)
     fields = []
     for rows in _row_blocks(frames, s.size):
         along = system._fields_at_stations(states, kinematics, ends, force, s, rows)
         fields.append(_station_fields(system, along, s, cable.rise[rows]))
+    stations = {name: np.concatenate([of[name] for of in fields]) for name in fields[0]}
     return Observation(
         path=(direction @ w).T, path_velocity=(direction @ w_t + ds * static).T,
         path_acceleration=(direction @ w_tt + dds * static + ds**2 * bend).T,
@@ -68,7 +68,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
         energy=kinetic + cable.strain + potential, power=power, kinetic=kinetic, strain=cable.strain,
         potential=potential, tension_min=cable.tension_min, tension_min_at=cable.tension_min_at,
         t=states.t, s_o=s_o, contact=-(direction @ force).T, powers=powers, **at_mass,
-        **{name: np.concatenate([of[name] for of in fields]) for name in fields[0]},
+        **stations,
     )  # fmt: skip
 
 
@@ -116,13 +116,13 @@ def observe_cable(system: CableElements, mesh_at: Array, states: States) -> Cabl
         q = np.ascontiguousarray(x[:, 0])
         v = np.ascontiguousarray(x[:, 1])
         kinetic = kinetic_energy(system, at, q, v)
-        parts.append((kinetic, *strain_energy(system, at, q), _multiply(columns, x)))
+        parts.append((kinetic, *strain_state(system, at, q), _multiply(columns, x)))
     kinetic, *arrays, moments = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
     strained = StrainState(*arrays)
     of_sides = moments.reshape(-1, 4, *moments.shape[1:])
     potential = np.zeros_like(kinetic)
     if system.fields == 2:
-        depth = sum(h * x[0, 0, 1] for x, h, _ in _per_side(of_sides, mesh_at[0]))  # int v ds
+        depth = sum(h * x[0, 0, 1] for x, h, _ in _with_side_lengths(of_sides, mesh_at[0]))  # int v ds
         potential -= system.groups.sigma * depth
     ends = _end_forces(system, mesh_at, of_sides, states.v, strained.force)
     return CableState(
@@ -130,15 +130,15 @@ def observe_cable(system: CableElements, mesh_at: Array, states: States) -> Cabl
     )
 
 
-def _per_side(of: Array, s_o: Array) -> list[tuple[Array, Array, float]]:
-    """What is given `of` the sides, length h and dh/ds_o of each; a fixed mesh has one."""
-    return list(zip(of, (s_o, 1.0 - s_o), (1.0, -1.0), strict=False))
+def _with_side_lengths(values: Array, s_o: Array) -> list[tuple[Array, Array, float]]:
+    """Values of the sides, each with the length h and dh/ds_o of its side; a fixed mesh has one."""
+    return list(zip(values, (s_o, 1.0 - s_o), (1.0, -1.0), strict=False))
 
 
-def _multiply(matrix: Any, x: Array) -> Array:
+def _multiply(matrix: Any, unknowns: Array) -> Array:
     """A matrix (p, n_scalar) times unknowns (n_scalar, ...)."""
-    product = matrix @ x.reshape(len(x), -1)
-    return np.asarray(product).reshape(-1, *x.shape[1:])
+    product = matrix @ unknowns.reshape(len(unknowns), -1)
+    return np.asarray(product).reshape(-1, *unknowns.shape[1:])
 
 
 def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> Array:
@@ -164,8 +164,8 @@ class StrainState(NamedTuple):
     force: Array  # int f dxi of both sides (2, fields, n)
 
 
-def strain_energy(system: CableElements, mesh_at: Array, q: Array) -> StrainState:
-    """Strain energy, smallest tension and internal force."""
+def strain_state(system: CableElements, mesh_at: Array, q: Array) -> StrainState:
+    """Strain energy, smallest tension and internal force of a history."""
     s_o = mesh_at[0]
     points = system._at_force
     h = np.where(points.behind, s_o, 1.0 - s_o)  # (p, n)
@@ -212,7 +212,7 @@ def _end_forces(system: CableElements, mesh_at: Array, moments: Array, v: Array,
     c_d = system.groups.damping
     dds = dds + c_d * ds
     at_node = ds * system._nodal_values(v, system.node).T
-    for (of, h, sign), near, end in zip(_per_side(moments, s_o), (1, 2), (0, 3), strict=False):
+    for (of, h, sign), near, end in zip(_with_side_lengths(moments, s_o), (1, 2), (0, 3), strict=False):
         of_q, of_v, of_a = np.moveaxis(of, 1, 0)  # (4, fields, n)
         dh = sign * ds + c_d * h
         total, tested = h * of_a[:2] + dh * of_v[:2] - dds * of_q[2:] - ds * of_v[2:]

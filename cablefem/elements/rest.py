@@ -12,9 +12,9 @@ from cablefem.elements.line_balance import LineBalance, RopeAndCars
 from cablefem.elements.line_coordinates import Coordinates
 from cablefem.elements.segments import Law
 from cablefem.newmark import Array, StepFailure
-from cablefem.scene.contacts import Car, Contact, Wheel
+from cablefem.scene.contacts import Car, Contact, MovingLine, Wheel
 from cablefem.scene.line import Case, NoLineAtRest, Station, needed_counterweight_text
-from cablefem.scene.taut import first_guess
+from cablefem.scene.taut import Start, first_guess
 
 SOFTENING = 8  # stages of EA up to its value
 EXACT = 1e-10  # last step over the reach
@@ -37,13 +37,13 @@ def coordinates_at_rest(
             q[system.s[k]] = system.line.cars[i].drive.start
     if start is not None:
         q[free] = start[free]
-        return _solve_by_newton(system, t, phase, q, free, None, EXACT)
+        return _solve_rest_by_newton(system, t, phase, q, free, None, EXACT)
     N = _set_first_guess(system, q, free)
     rough = 1e-3  # last step over the reach, of a soft rope
     for stage in range(SOFTENING + 1):
         last = stage == SOFTENING
         law = None if last else _soft_law(system, N, stage / SOFTENING)
-        q = _solve_by_newton(system, t, phase, q, free, law, EXACT if last else rough)
+        q = _solve_rest_by_newton(system, t, phase, q, free, law, EXACT if last else rough)
     return q
 
 
@@ -64,9 +64,13 @@ def car_data_at_rest(system: LineBalance, t: float, phase: int) -> CarData:
     )
 
 
-def _solve_by_newton(
-    system: LineBalance, t: float, phase: int, q: Array, free: NDArray[np.bool_], law: Array | None, enough: float
+def _solve_rest_by_newton(
+    system: LineBalance, t: float, phase: int, q: Array, free: NDArray[np.bool_], law: Array | None, tolerance: float
 ) -> Array:
+    """Coordinates at rest, from q near them, with this law of the rope (None: its own).
+
+    tolerance : of the last step, over the reach of the line.  Raises StepFailure if it is not met.
+    """
     points = np.array([c.point for c in system.line.supports])
     reach, bound = float(np.ptp(points[:, 0])), system.force_floor * np.sqrt(system.n_dof)
     rope_and_cars = RopeAndCars(system.law if law is None else law, car_data_at_rest(system, t, phase))
@@ -95,7 +99,7 @@ def _solve_by_newton(
         q = trial
         if not np.isfinite(q).all():
             break
-        if np.abs(step[moving]).max(initial=0.0) <= enough * reach and factor == 1.0:
+        if np.abs(step[moving]).max(initial=0.0) <= tolerance * reach and factor == 1.0:
             return q
     raise StepFailure(t, "no rest of the loaded line was found", "compare the rope's length with its contacts")
 
@@ -112,30 +116,54 @@ def _soft_law(system: LineBalance, N: Array, fraction: float) -> Array:
 
 
 def _set_first_guess(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> Array:
-    """Set q to parabolas between guessed contacts; return tensions (K,) of the segments."""
-    line, rope = system.line, system.line.rope
+    """Set free ones of q to parabolas between guessed contacts; return tensions (K,) of the segments."""
+    guess = _guess_contacts(system, q, free)
+    s = np.where(free[system.s], guess.s, q[system.s])
+    q[system.s] = s
+    run = np.diff(guess.points, axis=0)
+    sag = system.line.weight_per_length * np.diff(s) * run[:, 0] / (8.0 * guess.H)
+    nodal = _parabolas(system, guess.points, sag)
+    for trolley in system.trolleys:
+        rear, front = guess.points[[trolley.k - 1, trolley.k]]
+        pitch = np.arctan2(*(front - rear)[::-1])
+        q[trolley.body] = np.where(free[trolley.body], [*front, pitch], q[trolley.body])
+    coordinates = np.flatnonzero(free[: 2 * system.n])
+    q[coordinates] = nodal.ravel()[coordinates]
+    return guess.H * np.hypot(run[:, 0], run[:, 1]) / run[:, 0]
+
+
+def _guess_contacts(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> Start:
+    """Points and s of the contacts and horizontal tensions, such that prescribed s in q are nearly met.
+
+    Raises StepFailure where no rope can hold the cars.
+    """
+    line = system.line
     x = _guess_x(system, q)
     for _ in range(8):  # guess x from s
         stations = tuple(_station_of(c, x[k], line.gravity) for k, c in enumerate(line.contacts_and_wheels))
-        case = Case(stations, line.weight_per_length, rope.EA, length=rope.length)
-        first = first_guess(case)
-        if isinstance(first, NoLineAtRest):
-            needed = needed_counterweight_text([case], line.solve) if line.solve else ""
-            raise StepFailure(0.0, str(first), needed.removeprefix("; ") or "give more rope or less load")
-        H = first.H
-        points = first.points
-        s = first.s
+        case = Case(stations, line.weight_per_length, line.rope.EA, length=line.rope.length)
+        guess = _guess_or_raise(case, line)
         moved = np.zeros_like(x)
         for k in system.cars:
             if not free[system.s[k]]:
-                moved[k] = q[system.s[k]] - s[k]
+                moved[k] = q[system.s[k]] - guess.s[k]
         for trolley in system.trolleys:
             moved[trolley.k - 1] = moved[trolley.k]
         x = _order_cars_in_spans(system, x + moved)
-    s = np.where(free[system.s], s, q[system.s])
-    q[system.s] = s
+    return guess
+
+
+def _guess_or_raise(case: Case, line: MovingLine) -> Start:
+    guess = first_guess(case)
+    if isinstance(guess, NoLineAtRest):
+        needed = needed_counterweight_text([case], line.solve) if line.solve else ""
+        raise StepFailure(0.0, str(guess), needed.removeprefix("; ") or "give more rope or less load")
+    return guess
+
+
+def _parabolas(system: LineBalance, points: Array, sag: Array) -> Array:
+    """Nodes (n, 2) on parabolas between the contacts; sag (K,) in the middle of each segment."""
     run = np.diff(points, axis=0)
-    sag = line.weight_per_length * np.diff(s) * run[:, 0] / (8.0 * H)
     at = np.linspace(0.0, 1.0, system.segments.elements + 1)
     nodal = np.zeros((system.n, 2))
     for k, nodes in enumerate(system.nodes):
@@ -144,16 +172,11 @@ def _set_first_guess(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> 
         nodal[ends, 1] += 4.0 * sag[k] * at * (1.0 - at)
         if system.segments.degree == 2:
             nodal[nodes[1::2]] = 0.5 * (nodal[nodes[:-1:2]] + nodal[nodes[2::2]])
-    for trolley in system.trolleys:
-        rear, front = points[[trolley.k - 1, trolley.k]]
-        pitch = np.arctan2(*(front - rear)[::-1])
-        q[trolley.body] = np.where(free[trolley.body], [*front, pitch], q[trolley.body])
-    coordinates = np.flatnonzero(free[: 2 * system.n])
-    q[coordinates] = nodal.ravel()[coordinates]
-    return H * np.hypot(run[:, 0], run[:, 1]) / run[:, 0]
+    return nodal
 
 
 def _station_of(contact: Contact | Car | Wheel, x: float, gravity: float) -> Station:
+    """A contact as a station of a line at rest; a car is at x, and its weight acts there."""
     if not isinstance(contact, Contact):
         car, share = (contact.car, 0.5) if isinstance(contact, Wheel) else (contact, 1.0)
         kind = "hauled" if car.drive_kind == "haul_x" else "grips"
@@ -163,7 +186,7 @@ def _station_of(contact: Contact | Car | Wheel, x: float, gravity: float) -> Sta
 
 
 def _guess_x(system: LineBalance, q: Array) -> Array:
-    """x (contacts,) with cars of prescribed s along the chords of the contacts."""
+    """Guessed x (contacts,), with cars of prescribed s in q at that length along the chords of the supports."""
     line = system.line
     points = np.array([c.point for c in line.supports])
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])

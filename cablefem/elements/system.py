@@ -10,7 +10,7 @@ import numpy as np
 from cablefem.elements.bodies import CarData, forces_on_cars, vector_length
 from cablefem.elements.line_balance import LineBalance, RopeAndCars
 from cablefem.elements.line_coordinates import Coordinates
-from cablefem.elements.line_observe import observe
+from cablefem.elements.line_observe import observe_line
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, State, StepFailure, consistent_acceleration
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel, lift_off_event_name, meeting_event_name
@@ -267,4 +267,4 @@ class LineElements(LineBalance):
 
     def observe(self, states: Sequence[State], s: Array) -> LineMotion:
         """What the states show, with the rope at the stations s (m,)."""
-        return observe(self, states, s)
+        return observe_line(self, states, s)
