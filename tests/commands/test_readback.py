@@ -60,7 +60,7 @@ def test_all_that_is_written_and_printed_has_a_reader(results, name):
         written = {file.name for file in (of.folder / method).iterdir()}
         assert written <= readback.FILES.keys()
     path = (of.folder / of.methods[0] / "path.csv").read_text().splitlines()[0]
-    assert set(path.split(",")) == readback.path_columns(of.run_of_method(0)).keys()
+    assert set(path.split(",")) == readback.path_csv_columns(of.run_of_method(0)).keys()
 
 
 # --- files ------------------------------------------------------------------------------------------------------------

@@ -173,9 +173,9 @@ def _compare_one_span(a: OneSpan, b: OneSpan, allowed: AllowedGaps, window: Wind
     if not np.isclose(a.length, b.length, rtol=1e-6, atol=0.0):
         raise NotComparable(f"of different cables: {a.length:.6g} m and {b.length:.6g} m long")
     cut = _comparable_window(a, b, window or measures.WINDOWS[a.drive])
-    rows = [_path_row(a, b, allowed.path, cut)]
+    rows = [_path_gap_row(a, b, allowed.path, cut)]
     if allowed.tension is not None:
-        rows.append(_tension_row(a, b, allowed.tension, cut))
+        rows.append(_tension_gap_row(a, b, allowed.tension, cut))
     return rows
 
 
@@ -193,7 +193,7 @@ def _window_text(window: Window, a: OneSpan, b: OneSpan) -> str:
     return f"s_o/l {window[0]:.3g} to {window[1]:.3g}{cut}"
 
 
-def _path_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
+def _path_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
     x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.with_zero_u, (a, b))
     gap, rms, where = measures.relative_path_gap(x, y, window)
     _, positions, distances = measures.relative_path_distances(x, y, window)
@@ -209,7 +209,7 @@ def _path_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreeme
     return Agreement("path_max", gap, bound, where)
 
 
-def _tension_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
+def _tension_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
     if isinstance(a, Response) and isinstance(b, Response):
         gap = measures.rms_tension_gap(a, b, window)
         frames, _, _ = measures.common_frames(a, b, window)

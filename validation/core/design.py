@@ -369,7 +369,7 @@ class Signal:
     span: tuple[float, float]
     period: float
 
-    def samples(self, track: Track) -> Track:
+    def averaged_samples(self, track: Track) -> Track:
         """A track (n,) of means over the period, of values along the cable their extremes."""
         if track.value.ndim > 1:
             return self._extremes_along_cable(track)
@@ -420,7 +420,7 @@ class Signal:
         sign = self.quantity.sign
         rise = 0.25  # of the larger neighbouring step: a parabola's rise above its highest sample
         for i, track in enumerate(self.quantity.tracks(r)):
-            t, value, s = self.samples(track)
+            t, value, s = self.averaged_samples(track)
             if t.size == 0:
                 continue
             largest = float((sign * value).max())
@@ -442,7 +442,7 @@ class Signal:
 
     def values_at(self, track: int, times: Array, r: Response) -> Array:
         """Values (n,) of a track by its index at times; nan of a run that ends before."""
-        t, value, _ = self.samples(self.quantity.tracks(r)[track])
+        t, value, _ = self.averaged_samples(self.quantity.tracks(r)[track])
         if t.size == 0 or t[-1] < min(times[-1], r.t[-1]) - np.ptp(times):
             return np.full(times.shape, math.nan)
         return np.interp(times, t, value)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,15 @@ class Side:
     def from_rows(cls, rows: Array) -> Side:
         """Of rows (m, 7): s, x, y, both velocities, tension at rest, tension."""
         return cls(rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5], rows[:, 6])
+
+
+class CableIntegrals(NamedTuple):
+    """Integrals over the cable at the k window times."""
+
+    velocity: Array  # (k, 2)
+    points: Array  # (k, 2)
+    spin: Array  # (k,) of points times velocities
+    energies: Array  # (k, 3) kinetic, potential, strain [J]
 
 
 class Evidence:
@@ -128,15 +137,15 @@ class Evidence:
         """Values (k, c) at times t (k,), linear between the values (n, c) at steps."""
         return np.stack([np.interp(t, self.r.t, column) for column in step_values.T], axis=1)
 
-    def time_integral(self, rate: Array) -> Array:
+    def cumulative_time_integral(self, rate: Array) -> Array:
         """Integral of a force or velocity (n, c) up to each step, (n, c); nan if it is unknown between the ends."""
         if not np.isfinite(rate[1:-1]).all():
             return np.full_like(rate, math.nan)
         return cumulative_integral(self.r.t, np.nan_to_num(rate), self.r.force_jump_times)  # nan on the supports
 
-    def time_integral_at_window_times(self, rate: Array) -> Array:
+    def integral_up_to_window_times(self, rate: Array) -> Array:
         """Integral of a force (n, c) up to each window time, (k, c); nan if it is unknown."""
-        total = self.time_integral(rate)
+        total = self.cumulative_time_integral(rate)
         if np.isnan(total).any():
             return np.full((self.window_times.size, rate.shape[1]), math.nan)
         return np.asarray(CubicHermiteSpline(self.r.t, total, np.nan_to_num(rate))(self.window_times))
@@ -218,7 +227,7 @@ class Evidence:
     # --- the cable, at frames ------------------------------------------------------------------------------
 
     @cached_property
-    def sides_at_window_times(self) -> list[tuple[Side, Side]]:
+    def rope_sides_at_window_times(self) -> list[tuple[Side, Side]]:
         """The rope behind and ahead of the car at each window time, with the car as its last or first node."""
         r = self.r
         f = self.r.fields
@@ -243,8 +252,7 @@ class Evidence:
         return pairs
 
     @cached_property
-    def cable_integrals(self) -> dict[str, Array]:
-        """Integrals over the cable at window times: velocity, points (k, 2), spin (k,), energies (k, 3)."""
+    def cable_integrals_at_window_times(self) -> CableIntegrals:
         data = self.data
 
         def densities(x: Side) -> Array:
@@ -255,26 +263,20 @@ class Evidence:
             weight = -data.rho * data.gravity * x.points[:, 1]
             return np.stack([*x.velocity.T, *x.points.T, spin, kinetic, weight, strain], axis=1)
 
-        pairs = self.sides_at_window_times
+        pairs = self.rope_sides_at_window_times
         integrals = np.array([sum(simpson(densities(x), x=x.s, axis=0) for x in pair) for pair in pairs])
-        return {
-            "velocity": integrals[:, :2],
-            "points": integrals[:, 2:4],
-            "spin": integrals[:, 4],
-            "kinetic_potential_strain": integrals[:, 5:],
-        }
+        return CableIntegrals(integrals[:, :2], integrals[:, 2:4], integrals[:, 4], integrals[:, 5:])
 
     # --- energy --------------------------------------------------------------------------------------------
 
     @cached_property
-    def kinetic_potential_strain_energies(self) -> Array:
-        """Energies of cable and mass at window times (k, 3) [J]; W = (N^2 - T^2)/(2 EA)."""
+    def energies_at_window_times(self) -> Array:
+        """Kinetic, potential and strain energy of cable and mass (k, 3) [J]; W = (N^2 - T^2)/(2 EA)."""
         r = self.r
         data = self.data
         kinetic = 0.5 * data.mass * np.sum(r.velocity**2, axis=1)
         of_mass = np.stack([kinetic, -data.weight * r.y, np.zeros(r.t.size)], axis=1)  # (n, 3)
-        of_cable = self.cable_integrals["kinetic_potential_strain"]
-        return self.interpolate_steps(self.window_times, of_mass) + of_cable
+        return self.interpolate_steps(self.window_times, of_mass) + self.cable_integrals_at_window_times.energies
 
     @property
     def energy_scale(self) -> float:

@@ -244,10 +244,10 @@ def _with_t_and_s_o(scene: Scene, columns: dict[str, Array]) -> dict[str, Array]
             s_o = np.interp(columns.get("x", s[:1]), scene.catenary.x(s), s)
         _refuse_off_cable(s_o, float(s_o.max()), l)
         return columns | {"s_o": s_o}
-    return _on_travel(scene, scene.groups.motion, columns)
+    return _completed_by_travel(scene, scene.groups.motion, columns)
 
 
-def _on_travel(scene: Scene, motion: Motion, columns: dict[str, Array]) -> dict[str, Array]:
+def _completed_by_travel(scene: Scene, motion: Motion, columns: dict[str, Array]) -> dict[str, Array]:
     """The columns with t and s_o by the scene's travel, up to its end; Refused if t and s_o are another travel."""
     l = scene.length
     tau = scene.time_scale

@@ -183,7 +183,7 @@ def _frames_resolve_waves(evidence: Evidence) -> bool:
 
 
 def _can_extrapolate_at_any_frame(evidence: Evidence) -> bool:
-    return any(_can_extrapolate_to_mass(pair) for pair in evidence.sides_at_window_times)
+    return any(_can_extrapolate_to_mass(pair) for pair in evidence.rope_sides_at_window_times)
 
 
 def _can_extrapolate_to_mass(sides: tuple[Side, Side]) -> bool:
@@ -209,7 +209,7 @@ def _defect_without_position(*values: float) -> Defect:
     return Defect(np.array([math.nan]), np.array([values]).reshape(1, -1))
 
 
-def _defect_at_window_frames(evidence: Evidence, value: Array) -> Defect:
+def _defect_at_window_times(evidence: Evidence, value: Array) -> Defect:
     """The defect of values (k,) or (k, ...) at window times."""
     frames = evidence.window_frame_indices
     return Defect(evidence.r.fields.s_o[frames] / evidence.r.length, value.reshape(frames.size, -1))
@@ -225,7 +225,7 @@ def _window_change_defect(evidence: Evidence, conserved: Array, scale: float, t:
     return Defect(0.5 * (s_o[1:] + s_o[:-1]), np.diff(conserved, axis=0) / scale)
 
 
-def _step_series_change_defect(evidence: Evidence, conserved: Array, scale: float) -> Defect:
+def _window_change_defect_of_steps(evidence: Evidence, conserved: Array, scale: float) -> Defect:
     """The same of a quantity (n, c) that is known at all steps."""
     t = evidence.windows.steps
     return _window_change_defect(evidence, evidence.interpolate_steps(t, conserved), scale, t)
@@ -243,7 +243,7 @@ def cable_ends_at_rest_defect(evidence: Evidence) -> Defect:
 
 
 @_register_law("length at rest", exact=True)
-def length_at_rest_defect(evidence: Evidence) -> Defect:
+def cable_length_at_rest_defect(evidence: Evidence) -> Defect:
     """Stations measure arc length up to the length asked for (heat, ice: unstretched); over it."""
     s = evidence.r.fields.s
     name, value = evidence.data.prescribed
@@ -267,7 +267,7 @@ def prescribed_sag_or_tension_defect(evidence: Evidence) -> Defect:
 
 
 @_register_law("forces at rest", exact=True)
-def forces_at_rest_defect(evidence: Evidence) -> Defect:
+def cable_forces_at_rest_defect(evidence: Evidence) -> Defect:
     """T x' = H, over H; T y' falls by rho g per metre, over rho g l."""
     s = evidence.r.fields.s
     H = evidence.r.horizontal_tension
@@ -376,7 +376,7 @@ def position_less_displacement_defect(evidence: Evidence) -> Defect:
 
 
 @_register_law("strain at the mass", _has_separate_pointwise_tension, exact=True)
-def pointwise_tension_defect(evidence: Evidence) -> Defect:
+def pointwise_tension_at_mass_defect(evidence: Evidence) -> Defect:
     """Pointwise tension is T + EA (|r'| - 1), cut at zero without compression; over H."""
     r = evidence.r
     k = evidence.steps_in_windows_off_supports
@@ -390,11 +390,11 @@ def pointwise_tension_defect(evidence: Evidence) -> Defect:
 
 
 @_register_law("speed of the mass")
-def mass_velocity_defect(evidence: Evidence) -> Defect:
+def mass_path_from_velocity_defect(evidence: Evidence) -> Defect:
     """The mass moves by the integral of its velocity; over top speed times window."""
     r = evidence.r
-    conserved = np.stack([r.x, r.y], axis=1) - evidence.time_integral(r.velocity)
-    return _step_series_change_defect(evidence, conserved, float(r.speed.max()) * evidence.mean_window_duration)
+    conserved = np.stack([r.x, r.y], axis=1) - evidence.cumulative_time_integral(r.velocity)
+    return _window_change_defect_of_steps(evidence, conserved, float(r.speed.max()) * evidence.mean_window_duration)
 
 
 def _mass_momentum_defect(evidence: Evidence, rope_force: Array) -> Defect:
@@ -406,18 +406,18 @@ def _mass_momentum_defect(evidence: Evidence, rope_force: Array) -> Defect:
         mean = r.slope_behind + r.slope_ahead
         drive = evidence.thrust_or_haul_force[:, None] * mean / np.hypot(*mean.T)[:, None]  # (n, 2)
         force = force + drive + evidence.air_drag_force
-    conserved = evidence.data.mass * r.velocity - evidence.time_integral(force)
-    return _step_series_change_defect(evidence, conserved, weight * evidence.mean_window_duration)
+    conserved = evidence.data.mass * r.velocity - evidence.cumulative_time_integral(force)
+    return _window_change_defect_of_steps(evidence, conserved, weight * evidence.mean_window_duration)
 
 
 @_register_law("momentum of the mass")
-def momentum_by_contact_defect(evidence: Evidence) -> Defect:
+def mass_momentum_by_contact_defect(evidence: Evidence) -> Defect:
     """M (v_2 - v_1) is the impulse of weight, contact and outer forces; over M g times window."""
     return _mass_momentum_defect(evidence, -evidence.r.contact)
 
 
 @_register_law("impulse", quantity="impulse")
-def momentum_by_tensions_defect(evidence: Evidence) -> Defect:
+def mass_momentum_by_tensions_defect(evidence: Evidence) -> Defect:
     """M (v_2 - v_1) by the force [ N t - rho ds_o^2 r' ] of both tensions; over M g times window."""
 
     r = evidence.r
@@ -444,8 +444,8 @@ def rolling_car_tension_jump_defect(evidence: Evidence) -> Defect:
     of_slow = np.sign(jump) * np.maximum(np.abs(jump) - resistance, 0.0)
     defect = np.where(rolls, jump + resistance * np.sign(evidence.travel_speed), of_slow)  # (n,)
     released = r.t >= data.drive.get("release", 0.0)
-    impulse = evidence.time_integral(np.where(released, defect, 0.0)[:, None])
-    return _step_series_change_defect(evidence, impulse, data.weight * evidence.mean_window_duration)
+    impulse = evidence.cumulative_time_integral(np.where(released, defect, 0.0)[:, None])
+    return _window_change_defect_of_steps(evidence, impulse, data.weight * evidence.mean_window_duration)
 
 
 # --- the cable, at frames ------------------------------------------------------------------------------
@@ -464,14 +464,14 @@ def compression_defect(evidence: Evidence) -> Defect:
 
 
 @_register_law("least tension", quantity="tension_min", tolerance_kind="")
-def min_tension_at_steps_defect(evidence: Evidence) -> Defect:
+def min_tension_steps_vs_frames_defect(evidence: Evidence) -> Defect:
     """The smallest tension at steps is that at frames; over H."""
     r = evidence.r
     f = r.fields
     k = evidence.window_frame_indices
     of_frames = np.minimum(f.T[k].min(axis=1), np.minimum(f.T_behind[k], f.T_ahead[k]))
     of_steps = evidence.interpolate_steps(evidence.window_times, r.tension_min[:, None])[:, 0]
-    return _defect_at_window_frames(evidence, (of_steps - of_frames) / r.horizontal_tension)
+    return _defect_at_window_times(evidence, (of_steps - of_frames) / r.horizontal_tension)
 
 
 @_register_law("slack onset")
@@ -503,13 +503,13 @@ def _slack_onset_offset(r: Response, t: float, steps: NDArray[np.bool_]) -> floa
 
 
 @_register_law("fields at the mass")
-def mass_displacement_at_frames_defect(evidence: Evidence) -> Defect:
+def mass_displacement_frames_vs_steps_defect(evidence: Evidence) -> Defect:
     """Displacement of the mass at frames is that at steps; over the largest deflection."""
     r = evidence.r
     f = evidence.r.fields
     steps = CubicSpline(r.t, np.stack([r.s_o, r.u, r.v], axis=1))(evidence.window_times)
     off = np.stack([f.s_o, f.mass_u, f.mass_v], axis=1)[evidence.window_frame_indices] - steps
-    return _defect_at_window_frames(evidence, off / r.max_deflection)
+    return _defect_at_window_times(evidence, off / r.max_deflection)
 
 
 def _values_and_extrapolation_gaps(
@@ -520,7 +520,7 @@ def _values_and_extrapolation_gaps(
     Both are zero at times at which it cannot be extrapolated.
     """
     at_all_times = []
-    for sides in evidence.sides_at_window_times:
+    for sides in evidence.rope_sides_at_window_times:
         can_extrapolate = _can_extrapolate_to_mass(sides)
         values = []
         gaps = []
@@ -554,7 +554,7 @@ def velocity_continuity_at_mass_defect(evidence: Evidence) -> Defect:
         return NOT_OBSERVED
     at_mass, off = _values_and_extrapolation_gaps(evidence, lambda side: side.velocity)
     size = np.sqrt(np.mean(at_mass**2, axis=0))
-    return _defect_at_window_frames(evidence, off / size) if np.all(size > 0.0) else NOT_OBSERVED
+    return _defect_at_window_times(evidence, off / size) if np.all(size > 0.0) else NOT_OBSERVED
 
 
 @_register_law("displacement from velocity", _frames_resolve_waves, quantity="velocity", tolerance_kind="velocity")
@@ -581,11 +581,11 @@ def displacement_from_velocity_defect(evidence: Evidence) -> Defect:
 def tension_from_stretch_defect(evidence: Evidence) -> Defect:
     """Mean tension of half a side is that at rest plus EA times the curve's strain; over H."""
     off = []
-    for sides in evidence.sides_at_window_times:
+    for sides in evidence.rope_sides_at_window_times:
         longer = max(sides, key=lambda side: side.s[-1] - side.s[0])
         for side in sides:
             off += _mean_tensions_less_stretch(side, evidence.data.EA, in_halves=side is longer)
-    return _defect_at_window_frames(evidence, np.array(off) / evidence.r.horizontal_tension)
+    return _defect_at_window_times(evidence, np.array(off) / evidence.r.horizontal_tension)
 
 
 def _mean_tensions_less_stretch(side: Side, EA: float, in_halves: bool) -> list[float]:
@@ -607,8 +607,9 @@ def cable_momentum_defect(evidence: Evidence) -> Defect:
     rho = evidence.data.rho
     weight = rho * evidence.data.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
-    of_cable = evidence.cable_integrals["velocity"] + evidence.damping_rate * evidence.cable_integrals["points"]
-    conserved = rho * of_cable - evidence.time_integral_at_window_times(force)
+    cable = evidence.cable_integrals_at_window_times
+    momentum = rho * (cable.velocity + evidence.damping_rate * cable.points)
+    conserved = momentum - evidence.integral_up_to_window_times(force)
     total_weight = weight + evidence.data.weight
     return _window_change_defect(evidence, conserved, total_weight * evidence.mean_window_duration)
 
@@ -622,10 +623,10 @@ def cable_angular_momentum_defect(evidence: Evidence) -> Defect:
     right = np.array([data.span, data.drop])
     moment = cross_product(right, r.reaction_right) + cross_product(np.stack([r.x, r.y], axis=1), r.contact)
     own = weight * evidence.lever_integral
-    spin = evidence.cable_integrals["spin"]
+    spin = evidence.cable_integrals_at_window_times.spin
     if evidence.damping_rate:
         spin = spin + evidence.damping_rate * evidence.swept_area_integral
-    conserved = (data.rho * spin - own)[:, None] - evidence.time_integral_at_window_times(moment[:, None])
+    conserved = (data.rho * spin - own)[:, None] - evidence.integral_up_to_window_times(moment[:, None])
     total_weight = weight * r.fields.s[-1] + data.weight
     return _window_change_defect(evidence, conserved, total_weight * data.span * evidence.mean_window_duration)
 
@@ -640,8 +641,8 @@ def _total_power(powers: dict[str, Array]) -> Array:
 @_register_law("energy", quantity="energy")
 def energy_balance_defect(evidence: Evidence) -> Defect:
     """Energy of cable and mass changes by the work of the drive, until slack: a snapping cable loses some."""
-    work = evidence.time_integral_at_window_times(_total_power(evidence.powers_by_source)[:, None])
-    conserved = evidence.kinetic_potential_strain_energies.sum(axis=1)[:, None] - work
+    work = evidence.integral_up_to_window_times(_total_power(evidence.powers_by_source)[:, None])
+    conserved = evidence.energies_at_window_times.sum(axis=1)[:, None] - work
     defect = _window_change_defect(evidence, conserved, evidence.energy_scale)
     taut = evidence.window_times[1:] <= evidence.r.slack_time_or_inf
     return Defect(defect.s_o, np.where(taut[:, None], defect.value, 0.0))
@@ -653,7 +654,7 @@ def stored_energies_defect(evidence: Evidence) -> Defect:
     r = evidence.r
     stored = np.stack([r.kinetic, r.potential, r.strain, r.energy], axis=1)
     total = evidence.interpolate_steps(evidence.window_times, np.sum(stored[:, :3], axis=1)[:, None])
-    computed = np.concatenate([evidence.kinetic_potential_strain_energies, total], axis=1)  # (k, 4)
+    computed = np.concatenate([evidence.energies_at_window_times, total], axis=1)  # (k, 4)
     off = evidence.interpolate_steps(evidence.window_times, stored) - computed
     return _window_change_defect(evidence, off, evidence.energy_scale)
 
@@ -666,8 +667,8 @@ def stored_powers_defect(evidence: Evidence) -> Defect:
     if r.drive == "grip":
         computed = computed | {"grip": evidence.grip_power(r.T_behind_pointwise, r.T_ahead_pointwise)}
     of_sources = [r.powers[name] - computed[name] for name in computed if name in r.powers]
-    off = [r.power - _total_power(computed), *of_sources]
-    return _step_series_change_defect(evidence, evidence.time_integral(np.stack(off, axis=1)), evidence.energy_scale)
+    off = np.stack([r.power - _total_power(computed), *of_sources], axis=1)
+    return _window_change_defect_of_steps(evidence, evidence.cumulative_time_integral(off), evidence.energy_scale)
 
 
 def _arc_lengths(points: Array) -> Array:

@@ -99,7 +99,7 @@ def any_scene_not_surely_within_limits(rows: Sequence[Row]) -> bool:
     return any(row.get("limits_met") in (NOT_MET, TOO_CLOSE) for row in rows)
 
 
-def scope_sentences(scene: Scene | Line) -> list[str]:
+def limit_scope_sentences(scene: Scene | Line) -> list[str]:
     """What each text is for, and whether a scene is that; sentences."""
     if scene.limits is None:
         return []

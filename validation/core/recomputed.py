@@ -456,7 +456,7 @@ def _relative_unexplained_energy(evidence: Evidence) -> Array:
     data = evidence.data
     speed = _speed(r)[:, None]
     car = 0.5 * data.mass * speed[:, 0] ** 2 - data.weight * r.y
-    of_rope = evidence.cable_integrals["kinetic_potential_strain"][:, 1:].sum(axis=1)  # without its motion (k,)
+    of_rope = evidence.cable_integrals_at_window_times.energies[:, 1:].sum(axis=1)  # without its motion (k,)
     energy = np.interp(evidence.window_times, r.t, car) + of_rope
     along = np.divide(r.velocity, speed, out=np.zeros_like(r.velocity), where=speed > 0.0)  # the path (n, 2)
     # force of the rope on the car (n, 2)

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from cablefem.response import Array
 from cablefem.scene.line import Line
 from validation.core import store
-from validation.core.limits import scope_sentences
+from validation.core.limits import limit_scope_sentences
 from validation.core.quantities import factor_and_prefixed_unit, limit_row_texts
 from validation.page import printing, terminal
 from validation.page.answer.many import LIMITS, Column, Columns, Row, grid_table, point_label
@@ -141,7 +141,7 @@ def rest_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | N
 def stored_limits_table(folder: Path, summary: Row) -> Markup:
     """Stored verdicts on limits, and what their texts are for."""
     line = Line.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
-    return limits_of(list(map(limit_row_texts, summary["limits"])), scope_sentences(line))
+    return limits_of(list(map(limit_row_texts, summary["limits"])), limit_scope_sentences(line))
 
 
 def _column_of_floats(positions: Sequence[Row], name: str) -> Array:

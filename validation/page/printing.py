@@ -53,7 +53,7 @@ def print_limits(scene: Scene | Line, judged: Sequence[dict[str, Any]]) -> None:
     if judged:
         cells = [limit_row_texts(row) for row in judged]
         terminal.print_table(list(cells[0]), [list(cell.values()) for cell in cells])
-    for sentence in judge.scope_sentences(scene):
+    for sentence in judge.limit_scope_sentences(scene):
         terminal.print_text(f"  {sentence}")
 
 

@@ -4,7 +4,7 @@ It imports nothing of what writes them.  Every reader yields faults, sentences.
 A table or printed text without a reader is noted: a test fails then.
 """
 
-from validation.core.readback.files import FILES, file_faults, path_columns
+from validation.core.readback.files import FILES, file_faults, path_csv_columns
 from validation.core.readback.find import find_faults
 from validation.core.readback.limits import limit_faults, limit_table_faults
 from validation.core.readback.lines import line_outcome_faults, line_terminal_faults
@@ -28,7 +28,7 @@ __all__ = [
     "line_outcome_faults",
     "line_terminal_faults",
     "page_faults",
-    "path_columns",
+    "path_csv_columns",
     "plain_text",
     "terminal_faults",
     "verification_faults",

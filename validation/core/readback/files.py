@@ -58,10 +58,10 @@ def series_faults(name: str, written: Array, expected: Array, rounding: float, s
 
 
 def _path_csv_faults(file: Path, run: Run) -> Faults:
-    yield from _csv_faults(file, path_columns(run))
+    yield from _csv_faults(file, path_csv_columns(run))
 
 
-def path_columns(run: Run) -> dict[str, Array]:
+def path_csv_columns(run: Run) -> dict[str, Array]:
     """Columns of path.csv from the stored arrays (n,)."""
     tangent = run["slope_behind"] + run["slope_ahead"]  # (n, 2)
     across = tangent[:, 0] * run["contact"][:, 1] - tangent[:, 1] * run["contact"][:, 0]

@@ -64,7 +64,7 @@ def _sentences_beside_tables(summary: Row, judged: Sequence[Row]) -> Iterator[st
         yield f"{summary['method']}, {settings}; {seconds}"
     if judged:
         yield read_package_toml("page", "assets/verdicts.toml")[worst_asked_verdict(judged) or "not comparable"]
-        yield "; ".join(_agreement_counts(judged))
+        yield "; ".join(_agreement_count_sentences(judged))
 
 
 def _line_scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
@@ -76,7 +76,7 @@ def _line_scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
         yield "at the given positions of the cars; without `at` each number is that of its worst place"
 
 
-def _agreement_counts(judged: Sequence[Row]) -> Iterator[str]:
+def _agreement_count_sentences(judged: Sequence[Row]) -> Iterator[str]:
     """How many comparisons, laws and printed numbers agree."""
     groups: dict[str, list[str]] = {words: [] for words in COUNTED}
     for x in judged:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from validation.core.readback.files import car_positions_at_frames, extent_of_rope, path_columns, series_faults
+from validation.core.readback.files import car_positions_at_frames, extent_of_rope, path_csv_columns, series_faults
 from validation.core.readback.stored import Faults, Row, Run, StoredResults
 from validation.core.readback.texts import contents_of_tags
 from validation.core.scene_data import ROUNDING, Array, read_csv_columns, si_factor
@@ -22,7 +22,7 @@ PACKED = 65535  # steps between the extremes of a packed series
 def side_view_faults(view: dict[str, Any], stored: StoredResults) -> Faults:
     """Faults of the path, the marks of speed, the scene and the moving ropes of a side view."""
     run = stored.run_of_method(0)
-    path = path_columns(run)
+    path = path_csv_columns(run)
     points = np.stack([path["x"], path["y"]], axis=1)  # (n, 2)
     reach = float(np.ptp(path["x"])) or 1.0
     drawn_path = view["paths"][0]
@@ -112,7 +112,7 @@ def _drawn_series_of_car(run: Run) -> dict[str, Array]:
 
 def _series_beside_car(run: Run) -> dict[str, tuple[Array, str]]:
     """Series (k,) that are shown beside the car, and their SI units, by name."""
-    path = path_columns(run)
+    path = path_csv_columns(run)
     of_car = _drawn_series_of_car(run)
     series = {f"tension {side}": (of_car[side], "N") for side in ("behind", "ahead")}
     series["deflection"] = run["fields.mass_v"], "m"

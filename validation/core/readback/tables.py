@@ -117,13 +117,13 @@ def _comparison_row_faults(cells: Sequence[str], stored: StoredResults) -> Fault
 def _shows_comparison(cells: Sequence[str], row: Row) -> bool:
     name, verdict, *numbers, where, counts = cells
     words = [comparison_words(row), row["verdict"] or "–", "asked" if row["asked"] else "shown only"]
-    if [name, verdict.lstrip("✓✗≈? "), counts] != words or not shows_gaps(numbers, row, 3):
+    if [name, verdict.lstrip("✓✗≈? "), counts] != words or not shows_gap_bars_and_tolerance(numbers, row, 3):
         return False
     at = row.get("where")
     return where == "–" if at is None else shows_decimals(where, at, "", 3)
 
 
-def shows_gaps(texts: Sequence[str], row: Row, digits: int) -> bool:
+def shows_gap_bars_and_tolerance(texts: Sequence[str], row: Row, digits: int) -> bool:
     """Whether texts show gap, bars and tolerance of a comparison."""
     values = [row.get(name) for name in ("gap", "allowed", "asked_for")]
     return all(shows_value(text, value, digits=digits) for text, value in zip(texts, values, strict=True))
@@ -145,7 +145,7 @@ def _verdict_group_faults(cells: Sequence[str], stored: StoredResults) -> Faults
             yield f"{group}: {text!r} where {count} {words}"
 
 
-def _cost_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
+def _run_cost_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
     """Faults of a method's unknowns, steps, Newton iterations and seconds, and of where its path ends."""
     method, *counts, seconds, reached = cells
     i = stored.methods.index(method)
@@ -166,7 +166,7 @@ def _setting_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
         yield f"{name} = {text} where {values} is stored"
 
 
-def _shows_length(text: str, run: Run) -> bool:
+def _shows_rope_length(text: str, run: Run) -> bool:
     return shows_value(text.partition(", ")[0], run["rest"]["length"], "m", digits=6)
 
 
@@ -197,14 +197,14 @@ def _shows_top_speed_over_waves(text: str, run: Run) -> bool:
 
 
 FACTS: dict[str, Callable[[str, Run], bool]] = {  # that follow from the scene
-    "rope between the supports": _shows_length,
+    "rope between the supports": _shows_rope_length,
     "horizontal tension at rest": _shows_horizontal_tension,
     "sag at rest": _shows_sag_at_rest,
     "top speed over that of waves across the rope": _shows_top_speed_over_waves,
 }
 
 
-def _fact_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
+def _derived_fact_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
     name, text = cells
     if name not in FACTS:
         stored.unread.append(name)
@@ -286,11 +286,11 @@ TABLES: dict[str, Callable[[Sequence[str], StoredResults], Faults]] = {
     "event|after [s]|at [m]|speed [km/h]": event_row_faults,
     "comparison|verdict|gap|sum of both bars|asked for|largest at sₒ/l|in the verdict": _comparison_row_faults,
     "comparison|verdict|of those asked": _verdict_group_faults,
-    "run|unknowns|steps|Newton iterations|time loop [s]|computed up to": _cost_faults,
+    "run|unknowns|steps|Newton iterations|time loop [s]|computed up to": _run_cost_faults,
     "setting|value|meaning": _setting_faults,
     "shared|checked on its own by": no_faults_in_words,
     "question|answer": no_faults_in_words,
-    "follows from it|value": _fact_faults,
+    "follows from it|value": _derived_fact_faults,
     "key|value|meaning": _input_faults,
 }
 

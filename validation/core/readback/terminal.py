@@ -11,7 +11,7 @@ from validation.core.readback.tables import (
     design_number_faults,
     event_row_faults,
     no_faults_in_words,
-    shows_gaps,
+    shows_gap_bars_and_tolerance,
     verdict_count_faults,
 )
 from validation.core.readback.texts import quantity_words, shows_value
@@ -74,14 +74,14 @@ def _printed_slack_faults(text: str, stored: StoredResults) -> Faults:
         yield f"{text!r} is not the stored slack onset"
 
 
-def _scope_faults(text: str, stored: StoredResults) -> Faults:
+def _limit_scope_faults(text: str, stored: StoredResults) -> Faults:
     """What a text is for, and whether the scene is that."""
     names = read_package_toml("cablefem.scene", "limits.toml")["text"]
     if text not in expected_scope_sentences(names, {stored.run_of_method(0)["rest"]["drive"]}):
         yield f"{text!r} is no scope of a text"
 
 
-def _printed_work_faults(text: str, stored: StoredResults) -> Faults:
+def _printed_run_faults(text: str, stored: StoredResults) -> Faults:
     """Faults of a run's method, settings, seconds and bar of the path."""
     parts = re.fullmatch(r"by (\S+) \((.*)\) in (\S+) s(?:; path ± (\S+) m)?", text)
     run = stored.summaries[0]
@@ -101,7 +101,7 @@ def _printed_comparison_faults(text: str, stored: StoredResults) -> Faults:
     name, *cells, verdict = re.split("  +", text)
     for row in stored.rows:
         words = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
-        if (name, verdict) == (words, row["verdict"] or "shown") and shows_gaps(cells[:3], row, 2):
+        if (name, verdict) == (words, row["verdict"] or "shown") and shows_gap_bars_and_tolerance(cells[:3], row, 2):
             return
     yield f"{text!r} is no comparison in agreement.json"
 
@@ -118,10 +118,10 @@ def _printed_third_party_faults(text: str, stored: StoredResults) -> Faults:
 LINE_CHECKS: tuple[tuple[str, Callable[[str, StoredResults], Faults]], ...] = (
     (r"  slack somewhere from car at ", _printed_slack_faults),
     (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", no_faults_in_words),
-    (r"  by \S+ \(", _printed_work_faults),
+    (r"  by \S+ \(", _printed_run_faults),
     (r"limit  +value", no_faults_in_words),
     (rf"\S.*  {LIMIT_VERDICT}", _printed_limit_faults),
-    (r"  [^:]*: for .*", _scope_faults),
+    (r"  [^:]*: for .*", _limit_scope_faults),
     (r"  \d+ (of \d+ )?(comparisons|laws|printed)", verdict_count_faults),
     (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _printed_third_party_faults),
     (r"\S.*(  +(-|\d\S*)){4}  (agree|disagree|too coarse|not comparable|shown)$", _printed_comparison_faults),

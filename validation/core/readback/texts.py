@@ -40,7 +40,7 @@ def shows_value(text: str, value: float | None, unit: str = "", *, bar: float | 
     """
     if value is None or not math.isfinite(value):
         return text in ("–", "-")
-    printed, factor = _parse_value_and_factor(text, unit)
+    printed, factor = _parse_numbers_and_unit_factor(text, unit)
     if math.isnan(factor):
         return False
     if printed == [0.0] and abs(value / factor) < ROUNDING:
@@ -53,7 +53,7 @@ def shows_value(text: str, value: float | None, unit: str = "", *, bar: float | 
     return len(printed) == len(expected) and np.allclose(printed, expected, rtol=0.0, atol=0.501 * 10.0**digit)
 
 
-def _parse_value_and_factor(text: str, unit: str) -> tuple[list[float], float]:
+def _parse_numbers_and_unit_factor(text: str, unit: str) -> tuple[list[float], float]:
     """A printed value and its bar, and their unit in `unit`; nan: not a value in such a unit."""
     match = _VALUE.fullmatch(text)
     if match is None:

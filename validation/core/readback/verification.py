@@ -25,7 +25,7 @@ def verification_faults(stored: StoredResults) -> Faults:
 
 def _verification_row_faults(stored: StoredResults, row: Row, gap: Row) -> Faults:
     size = max(abs(row["value"]), abs(row["other"])) or 1.0
-    expected = _expected_numbers(stored, row, gap, size)
+    expected = _expected_verification_numbers(stored, row, gap, size)
     smallest = 0.0
     for direction in ("space", "time"):
         order = _observed_order(row[f"levels_{direction}"], row[f"ratios_{direction}"])
@@ -45,7 +45,7 @@ def _verification_row_faults(stored: StoredResults, row: Row, gap: Row) -> Fault
             yield f"{key} {row[key]} where {value} follows"
 
 
-def _expected_numbers(stored: StoredResults, row: Row, gap: Row, size: float) -> dict[str, float]:
+def _expected_verification_numbers(stored: StoredResults, row: Row, gap: Row, size: float) -> dict[str, float]:
     """Values and bars of both solvers, their gap and its uncertainty; size : of the values."""
     i = stored.methods.index(row["method"])
     values = [_stored_design_value(stored, method, row["quantity"]) for method in (i, 1 - i)]

@@ -44,7 +44,7 @@ def answer_page_content(answer: StoredAnswer) -> dict[str, Any]:
         "tension_field": partial(draw.plot_tension_field, answer),
         "methods": METHODS,
         "drawn_with": versions_footer(),
-        "limits": limits_of(rows_of_limits, limits.scope_sentences(answer.scene)),
+        "limits": limits_of(rows_of_limits, limits.limit_scope_sentences(answer.scene)),
         "inputs": scene_keys_table(answer.scene.to_toml()),
         "loads": list(largest_support_loads(answer)),
         "work": [_cost_row(r) for r in answer.runs],
