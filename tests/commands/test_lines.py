@@ -9,7 +9,7 @@ import pytest
 
 from cablefem import Scene
 from tests.commands.calls import lines
-from tests.line.lines import THREE, TRAMWAY, car, line
+from tests.line.lines import THREE, TRAMWAY, car, contact, line
 from validation.commands.check.line import check_line
 from validation.core.readback import line_outcome_faults, line_terminal_faults
 
@@ -95,6 +95,24 @@ def test_a_fault_told_to_one_solver_disagrees(key, value):
 
 def test_a_sound_line_agrees():
     assert check_line(line(*THREE), 1e-6, 1e-6).verdict.value == "agree"
+
+
+def test_both_tensions_count_where_a_car_that_grips_is_at_a_station_of_the_profile(cablefem, tmp_path):
+    """The tension jumps there, and which side a station is on is rounding: once the solvers \"disagreed\" over it."""
+    scene = line(
+        {"mass_per_length": 3.4, "EA": 5.5e7, "tension": {"at": "left", "value": 9e4}},
+        contact("left", "anchor", 0.0, 0.0),
+        contact("right", "anchor", 400.0, -80.0),
+        *(car(name, 600.0, at, hauled=False) for name, at in (("A", 90.0), ("B", 300.0))),
+    )
+    (tmp_path / "grip.toml").write_text(scene.to_toml())
+    code, out, _ = cablefem("check", "grip.toml")
+    assert code == 0, out
+    profile = {float(row["x"]): row for row in rows(next(tmp_path.rglob("profile.csv")))}
+    jump = float(profile[90.0]["tension_max"]) - float(profile[90.0]["tension_min"])
+    rise = float(profile[88.0]["y_lowest"]) - float(profile[92.0]["y_lowest"])
+    weight_along_rope = 600.0 * 9.81 * rise / np.hypot(4.0, rise)
+    assert jump == pytest.approx(weight_along_rope, rel=1e-2)
 
 
 def test_a_grid_is_a_table_with_one_row_a_line(cablefem, tmp_path):

@@ -534,9 +534,11 @@ def _note_gaps_of_profile(gaps: LargestGaps, data: LineAtRest, rest: StatesAtRes
     drawn = json.loads((folder / "ropes.json").read_text(encoding="utf-8"))
     x = np.array([float(row["x"]) for row in table])
     ropes = {i: RopeAtRest(data, state, data.stations(i)) for i, state in rest.states.items()}
-    curves = {i: rope.depth_and_tension_at_x(x) for i, rope in ropes.items()}
-    y = np.array([depth for depth, _ in curves.values()])  # (positions, m)
-    T = np.array([tension for _, tension in curves.values()])
+    depth_curves = {i: rope.depth_and_tension_at_x(x)[0] for i, rope in ropes.items()}
+    y = np.array(list(depth_curves.values()))  # (positions, m)
+    near = 1e-9 * float(np.ptp(x))  # a car that grips at a station: the tension jumps there, and both values count
+    both_sides = [np.clip(x + dx, x[0], x[-1]) for dx in (-near, near)]
+    T = np.array([rope.depth_and_tension_at_x(side)[1] for rope in ropes.values() for side in both_sides])
     empty = RopeAtRest(data, rest.empty, data.stations(None), empty=True).depth_and_tension_at_x(x)[0]
     columns = {
         "x": x,
@@ -554,7 +556,7 @@ def _note_gaps_of_profile(gaps: LargestGaps, data: LineAtRest, rest: StatesAtRes
             gaps.note_difference(f"profile.csv, {name}", where, _float_or_none(table[k].get(name)), value, allowed)
             gaps.note_difference("ropes.json", where, drawn["profile"][name][k], value, allowed)
     for position, depths in drawn["depths"].items():
-        off = np.abs(np.subtract(depths, curves[int(position) - 1][0]))
+        off = np.abs(np.subtract(depths, depth_curves[int(position) - 1]))
         gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / rounding)
 
 
