@@ -11,17 +11,17 @@ from cablefem import Scene
 from cablefem.response import PATH_COLUMNS
 from tests.commands.calls import QUICK
 from tests.commands.test_lines import FEW
-from validation.commands.methods.files import dictionary_entries
+from validation.commands.methods.files import data_dictionary_entries
 
 
 def known(file):
     """Keys of a file in the dictionary, those of its tables as they stand in the file."""
-    own = {e.key for e in dictionary_entries() if e.file == file}
+    own = {e.key for e in data_dictionary_entries() if e.file == file}
     for table in ("design[]", "events[]", "limits[]"):
         if table[:-2] in own:
-            own |= {f"{table}.{e.key}" for e in dictionary_entries() if e.file == table}
+            own |= {f"{table}.{e.key}" for e in data_dictionary_entries() if e.file == table}
     if file == "advice.json":
-        rung = {e.key for e in dictionary_entries() if e.file == "rung"}
+        rung = {e.key for e in data_dictionary_entries() if e.file == "rung"}
         own |= rung | {f"{of}.{key}" for of in ("full", "candidates[]", "rungs[]") for key in rung}
     return own
 
@@ -60,7 +60,7 @@ def results(cablefem, unanimated):
     cablefem("run", "begin.toml", "--model", "quasi-static", "--set", "mass.mass=60,80", "--out", "grid")
     given = ("begin.toml", "cable.horizontal_tension=12e3:30e3", "--so-that", "tension_max <= 25 kN", "--no-check")
     assert cablefem("find", *given, "--for", "mass.mass=80,90", "--out", "curve")[0] == 0
-    return [file for file in Path().rglob("*.*") if file.name in {e.file for e in dictionary_entries()}]
+    return [file for file in Path().rglob("*.*") if file.name in {e.file for e in data_dictionary_entries()}]
 
 
 def test_every_column_and_key_has_an_entry(results):
@@ -98,5 +98,5 @@ def test_the_dictionary_has_units_and_no_column_that_is_not_written(cablefem):
     assert code == 0
     for name in PATH_COLUMNS:
         assert re.search(rf"^path\.csv +{name} +(s|m|N|m/s) ", out, re.MULTILINE)
-    assert {e.key for e in dictionary_entries() if e.file == "path.csv"} == set(PATH_COLUMNS)
-    assert all(e.unit and e.meaning for e in dictionary_entries())
+    assert {e.key for e in data_dictionary_entries() if e.file == "path.csv"} == set(PATH_COLUMNS)
+    assert all(e.unit and e.meaning for e in data_dictionary_entries())

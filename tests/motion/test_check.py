@@ -239,12 +239,12 @@ def page_of(folder):
 @pytest.mark.parametrize("key", ["value", "bar", "t"])
 def test_the_table_of_numbers_on_the_page_is_read_back(tmp_path, answer, key):
     answer.write(tmp_path, 0.0)
-    assert not answer.faults(tmp_path, page_of(tmp_path))
+    assert not answer.output_faults(tmp_path, page_of(tmp_path))
     summary = json.loads((tmp_path / "summary.json").read_text())
     safety = next(d for d in summary["design"] if d["quantity"] == "safety_factor_min")
     safety[key] *= 1.1
     (tmp_path / "summary.json").write_text(json.dumps(summary))
-    (fault,) = answer.faults(tmp_path, page_of(tmp_path))
+    (fault,) = answer.output_faults(tmp_path, page_of(tmp_path))
     assert fault.startswith("page: safety factor: breaking load over largest tension: ")
 
 

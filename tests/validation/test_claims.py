@@ -56,11 +56,11 @@ def test_a_verdict_follows_from_value_bar_and_range(value, bar, paper, expected)
 def test_one_true_reading_is_enough_and_one_false_condition_too_much():
     yes, no = quantity(0.2, 0.01, at_most=0.3), quantity(0.2, 0.01, at_least=0.7)
     unknown = quantity(0.69, 0.02, at_least=0.7)
-    assert claim_verdict([yes, no], readings=True) == HOLDS
+    assert claim_verdict([yes, no], one_is_enough=True) == HOLDS
     assert claim_verdict([yes, no]) == FAILS
     assert claim_verdict([yes, unknown]) == OPEN
     assert claim_verdict([no, unknown]) == FAILS
-    assert claim_verdict([no, unknown], readings=True) == OPEN
+    assert claim_verdict([no, unknown], one_is_enough=True) == OPEN
     assert claim_verdict([]) == OPEN
 
 
@@ -118,11 +118,11 @@ def test_a_ripple_of_known_size_is_found_and_none_where_there_is_none(level):
     x = np.pi * 31.0 / 200.0
     left = np.sin(21.0 * x) / (21.0 * np.sin(x))  # what a moving mean of 21 stations leaves of 31 waves
     assert abs(measured.tension_ripple(wavy) / rms - (1.0 - left)) < 0.02
-    assert abs(measured.tension_error(wavy, flat) / rms - 1.0) < 0.02
+    assert abs(measured.rms_tension_error(wavy, flat) / rms - 1.0) < 0.02
     assert abs(np.median(measured.tension_unevenness(wavy)) / rms - 1.0) < 0.02
     assert abs(measured.mean_count_of_tension_extremes(wavy) - 62.0) < 2.0
     assert measured.tension_ripple(flat) < 1e-12
-    assert measured.tension_error(flat, flat) == measured.mean_count_of_tension_extremes(flat) == 0.0
+    assert measured.rms_tension_error(flat, flat) == measured.mean_count_of_tension_extremes(flat) == 0.0
 
 
 def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says(level):
@@ -140,10 +140,10 @@ def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says
 
 def test_the_overshoot_of_plain_sines_does_not_shrink_and_is_gone_with_the_kink():
     groups = Scene.load("inclined").groups
-    few, many = (gibbs.overshoot(groups, "fourier", n)["size"] for n in (15, 60))
+    few, many = (gibbs.tension_overshoot(groups, "fourier", n)["size"] for n in (15, 60))
     assert few > 0.03
     assert 0.75 < many / few < 1.35  # 0.25 if it fell as the path's error does
-    kink = [gibbs.overshoot(groups, "fourier-kink", n)["size"] for n in (15, 60)]
+    kink = [gibbs.tension_overshoot(groups, "fourier-kink", n)["size"] for n in (15, 60)]
     assert kink[0] < 0.1 * few
     assert kink[1] < 0.4 * kink[0]
 

@@ -34,7 +34,7 @@ def advise_on_bodies(line: Line, tol: float, out: Path, report: Progress = no_pr
     runs: list[LineRuns] = []
     for model in ("rigid", "point"):
         report("bodies and points", 0.5 * len(runs))
-        runs.append(LineRuns(ELEMENTS, _line_with_wheel_model(line, model), runs[0] if runs else None))
+        runs.append(LineRuns(ELEMENTS, _line_with_body_model(line, model), runs[0] if runs else None))
     body, point = (x.run(2, 2) for x in runs)
     scales = reference_scales(line, body)
     allowed = {"path": tol * scales.path, "tension": FORCES * tol * scales.tension}
@@ -44,11 +44,11 @@ def advise_on_bodies(line: Line, tol: float, out: Path, report: Progress = no_pr
     for table, car, a, b in zip(line.car, runs[0].line.cars, body.motion.cars, point.motion.cars, strict=True):
         if a.turning is None:
             continue
-        period = _body_period(table, line.gravity, b)
-        ramp = _shortest_ramp(car)
+        period = _pitch_or_swing_period(table, line.gravity, b)
+        ramp = _shortest_ramp_duration(car)
         periods.append({"car": car.name, "period": period, "ramp": ramp, "short": period <= short * ramp})
-        formulas = _distances_by_formula(table, line.gravity, point, b, ramp, period)
-        for need, distance in _distances_of_runs(body, a, point, b):
+        formulas = _point_errors_by_formula(table, line.gravity, point, b, ramp, period)
+        for need, distance in _point_errors_by_runs(body, a, point, b):
             limit = allowed.get(need, FORCES * tol * scales.weights[car.name])
             rows.append({
                 "car": car.name, "need": need.replace("_", " "), "unit": "m" if need == "path" else "N",
@@ -59,7 +59,7 @@ def advise_on_bodies(line: Line, tol: float, out: Path, report: Progress = no_pr
     return content
 
 
-def _line_with_wheel_model(line: Line, model: str) -> Line:
+def _line_with_body_model(line: Line, model: str) -> Line:
     """The line whose cars are bodies ("rigid") or points ("point"), which have no cabin and no thrust at an angle."""
     changes: dict[str, Any] = {}
     for car in line.car:
@@ -72,7 +72,7 @@ def _line_with_wheel_model(line: Line, model: str) -> Line:
     return line.replace(changes)
 
 
-def _shortest_ramp(car: Car) -> float:
+def _shortest_ramp_duration(car: Car) -> float:
     """Shortest start or stop [s] of a timetable; 0 of a free car, whose forces jump."""
     if car.travel is None:
         return 0.0
@@ -83,7 +83,7 @@ def _shortest_ramp(car: Car) -> float:
     return min(ramps, default=math.inf)
 
 
-def _body_period(table: CarTable, gravity: float, motion: CarMotion) -> float:
+def _pitch_or_swing_period(table: CarTable, gravity: float, motion: CarMotion) -> float:
     """Period [s] of the pitch, longest where the rope is least taut, or of the swing."""
     if table.wheels is not None:
         return approximate_pitch_period(table.wheels, table.mass, float(np.min(motion.tension_ahead)))
@@ -92,7 +92,7 @@ def _body_period(table: CarTable, gravity: float, motion: CarMotion) -> float:
     return 2.0 * math.pi * math.sqrt((table.hanger.gyration**2 + h**2) / (gravity * h))
 
 
-def _distances_by_formula(
+def _point_errors_by_formula(
     table: CarTable, gravity: float, run: LineRun, motion: CarMotion, ramp: float, period: float
 ) -> dict[str, float]:
     """Distances of a point from a body by need: m g cos(beta) b/(4 N) of the path.
@@ -110,7 +110,7 @@ def _distances_by_formula(
     return {"haul force": 2.0 * table.hanger.mass * largest * swings}
 
 
-def _distances_of_runs(body: LineRun, a: CarMotion, point: LineRun, b: CarMotion) -> Iterator[tuple[str, float]]:
+def _point_errors_by_runs(body: LineRun, a: CarMotion, point: LineRun, b: CarMotion) -> Iterator[tuple[str, float]]:
     """Needs, and the largest distance of a body from a point at equal times: across the rope, and of mean forces.
 
     a, b : the car in the runs with bodies and with points.

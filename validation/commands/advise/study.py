@@ -192,18 +192,20 @@ def _cheaper_rungs(scene: Scene, full: Response, view: View, report: Progress) -
         return
     if scene.drive.mode == "haul":
         yield _statics_rung(scene, full, view)
-        gripped = _run_warmed_up(
+        gripped = _run_after_warm_up(
             scene.variant(drive={"mode": "grip"}), REFERENCE, until=view.last_needed_position, **full.settings
         )
         yield Rung("grip", "mass", gripped.seconds, gaps_by_need(gripped, full, view), gripped)
         return
     for i, (model, load) in enumerate(LADDER[:-1]):
         report("cheaper models", (i + 1) / (len(LADDER) - 1))
-        r = _run_warmed_up(scene, REFERENCE, model=model, load=load, until=view.last_needed_position, **full.settings)
+        r = _run_after_warm_up(
+            scene, REFERENCE, model=model, load=load, until=view.last_needed_position, **full.settings
+        )
         yield Rung(model, load, r.seconds, gaps_by_need(r, full, view), r)
 
 
-def _run_warmed_up(scene: Scene, method: Any, **how: Any) -> Response:
+def _run_after_warm_up(scene: Scene, method: Any, **how: Any) -> Response:
     """A run after a short one, so that its time has no compiling in it."""
     run(scene, method, **how | {"steps": 8})
     return run(scene, method, **how)
@@ -284,7 +286,7 @@ def _race_methods(
         report("methods", (i + 1) / len(candidates))
         for resolution, steps in method.advise_settings:
             settings: dict[str, Any] = {method.resolution.setting: resolution, "steps": steps}
-            r = _run_warmed_up(
+            r = _run_after_warm_up(
                 scene, method, model=best.model, load=best.load, until=view.last_needed_position, **settings
             )
             rung = Rung(best.model, best.load, r.seconds, gaps_by_need(r, full, view), r)

@@ -30,8 +30,8 @@ CATALOGUE: tuple[Row, ...] = tuple(store.read_packaged_toml(__package__, "catalo
 
 def measure_failure_and_remedy(row: Row) -> Row:
     """A row of the page: its words, what was measured, whether the failure shows and the remedy works."""
-    failure = _evaluate_all(row["shows"])
-    cure = _evaluate_all(row["cures"])
+    failure = _evaluate_by_name(row["shows"])
+    cure = _evaluate_by_name(row["cures"])
     words = {k: row[k] for k in ("name", "scene", "method", "symptom", "cause", "remedy")}
     return words | {
         "failure": failure, "cure": cure, "failure_shown": condition_holds(row["shown"], failure),
@@ -39,7 +39,7 @@ def measure_failure_and_remedy(row: Row) -> Row:
     }  # fmt: skip
 
 
-def _evaluate_all(expressions: dict[str, str]) -> dict[str, float]:
+def _evaluate_by_name(expressions: dict[str, str]) -> dict[str, float]:
     """Values by name; nan for None."""
     values = {name: _evaluate(expression) for name, expression in expressions.items()}
     return {name: math.nan if x is None else float(x) for name, x in values.items()}
@@ -70,7 +70,9 @@ def _run_of_json_key(key: str) -> Response:
     return running.run(level_scene(**scene), specimens.PLANTED.get(method, method), **how)
 
 
-def path_gap(a: Response, b: Response, low: float = measures.WINDOW[0], high: float = measures.WINDOW[1]) -> float:
+def relative_path_gap(
+    a: Response, b: Response, low: float = measures.WINDOW[0], high: float = measures.WINDOW[1]
+) -> float:
     """Largest distance of two paths, over the largest deflection of the second."""
     return measures.relative_path_gap(a, b, (low, min(high, a.reached, b.reached))).largest
 
@@ -83,7 +85,7 @@ def path_error(method: str, model: str = "full", scene: Groups | None = None, **
     r = run_on_level(method, scene, model=model, law="elastic", **how)
     if r.reached < measures.WINDOW[1]:
         return math.inf
-    return path_gap(r, run_on_level("following-p2", scene, model=model, elements=20, steps=1500))
+    return relative_path_gap(r, run_on_level("following-p2", scene, model=model, elements=20, steps=1500))
 
 
 def energy_gain(method: str, **how: Any) -> float:
@@ -171,7 +173,7 @@ def explicit_step_count(terms: int, factor: float) -> int:
 
 
 _FUNCTIONS = (
-    run_on_level, path_gap, path_error, energy_gain, tension_ripple, vibration_energy_history,
+    run_on_level, relative_path_gap, path_error, energy_gain, tension_ripple, vibration_energy_history,
     remaining_vibration_energy, frequency_error, slack_path_gap, light_mass_entry_error, compression_onset,
     stiff_cable_runs, taut_tension_gap, frozen_growth_factor, explicit_step_count, convergence_limit,
 )  # fmt: skip

@@ -7,13 +7,14 @@ import numpy as np
 from scipy.linalg import eigvals
 
 from cablefem.newmark import State
+from cablefem.response import Array
 from cablefem.scene import Groups
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem, Instant
 from validation.core.methods import METHODS, Method
 
 
-def frozen_matrices(system: GalerkinSystem, t: float) -> Any:
+def frozen_matrices(system: GalerkinSystem, t: float) -> list[Array]:
     """M, C and K of the cable and mass at rest, frozen at time t."""
     q = np.zeros(system.n_dof)
     return [system.tangent(t, q, 0, *factors) for factors in ((0, 0, 1.0), (0, 1.0, 0), (1.0, 0, 0))]

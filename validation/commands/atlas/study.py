@@ -109,8 +109,8 @@ def _jobs_by_key(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str
     return jobs
 
 
-def _job_key(*what: Any) -> str:
-    return json.dumps(what, sort_keys=True)
+def _job_key(*parts: Any) -> str:
+    return json.dumps(parts, sort_keys=True)
 
 
 @lru_cache(maxsize=2)

@@ -180,12 +180,14 @@ class _Reference:
             }  # fmt: skip
         return cls(reference, window, stored)
 
-    def status_and_errors(self, reached: float, reason: str | None, errors: Callable[[], dict[str, float]]) -> Row:
+    def status_and_errors(
+        self, reached: float, reason: str | None, compute_errors: Callable[[], dict[str, float]]
+    ) -> Row:
         """Status and errors of a run, or why there are none; a free ride may end before the window does."""
         if reason if self.run.drive == "free" else reached < self.window[1] * (1.0 - 1e-9):
             return {"status": "failed", "reason": reason or f"ended at s_o/l = {reached:.3f}"}
         try:
-            return {"status": "ok", **errors()}
+            return {"status": "ok", **compute_errors()}
         except NotComparable as error:
             return {"status": "failed", "reason": str(error)}
 

@@ -212,7 +212,7 @@ def _check_and_write(
         result.write(folder)
         progress("writing", 0.3)
         runs = result.a.finest, result.b.finest
-        with do_in_background(partial(_write_animations, folder, runs)):
+        with do_in_background(partial(_write_paraview_files_of_both, folder, runs)):
             report.write_report_and_finish(folder, "check")
         for r in runs:
             write_summary_and_profile(folder / r.method, scene, r)
@@ -239,7 +239,7 @@ def _scene_of_second_solver(scene: Any, file: Path | None, set_pairs: list[str] 
     return changed
 
 
-def _write_animations(folder: Path, runs: "tuple[Response, ...]") -> None:
+def _write_paraview_files_of_both(folder: Path, runs: "tuple[Response, ...]") -> None:
     from validation.page import paraview  # slow to load
 
     for run in runs:

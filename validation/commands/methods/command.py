@@ -59,9 +59,9 @@ def _print_methods(methods: Mapping[str, Any]) -> None:
 
 
 def _print_files() -> int:
-    from validation.commands.methods.files import dictionary_entries
+    from validation.commands.methods.files import data_dictionary_entries
 
-    terminal.print_table(["file", "key", "unit", "meaning"], [list(entry) for entry in dictionary_entries()])
+    terminal.print_table(["file", "key", "unit", "meaning"], [list(entry) for entry in data_dictionary_entries()])
     return 0
 
 

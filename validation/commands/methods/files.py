@@ -16,7 +16,7 @@ class Entry(NamedTuple):
     meaning: str
 
 
-def dictionary_entries() -> Iterator[Entry]:
+def data_dictionary_entries() -> Iterator[Entry]:
     """The data dictionary; design numbers and quantities of a line have the names that their writers take."""
     for file, keys in store.read_packaged_toml(__package__, "files.toml").items():
         for key, text in keys.items():

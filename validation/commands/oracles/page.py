@@ -17,11 +17,15 @@ from validation.page.plot import GREY
 def sections(folder: Path) -> list[Section]:
     content = store.read_json(folder / "oracles.json")
     return render_sections(
-        __package__, content=content, ladders=_rows_by_wing(content["rows"]), draw=_draw_errors, figure=captioned_figure
+        __package__,
+        content=content,
+        ladders=_rows_of_shared_case_by_wing(content["rows"]),
+        draw=_draw_errors,
+        figure=captioned_figure,
     )
 
 
-def _rows_by_wing(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+def _rows_of_shared_case_by_wing(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     """The rows of the case that every method goes through, by wing; none of a small part without such a case."""
     methods: dict[str, set[str]] = {}
     for row in rows:

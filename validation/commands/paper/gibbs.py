@@ -39,7 +39,9 @@ def _run_for_tensions_beside_mass(system: GalerkinSystem | FollowingElements, di
 
 def tension_overshoots(groups: Groups, ladders: dict[str, list[int]]) -> dict[str, list[dict[str, float]]]:
     """Overshoots of every method for the numbers of terms of its ladder; the scene must stay taut."""
-    return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in ladders.items()}
+    return {
+        method: [tension_overshoot(groups, method, terms) for terms in ladder] for method, ladder in ladders.items()
+    }
 
 
 def _wavelet_basis(terms: int) -> Basis:
@@ -48,7 +50,7 @@ def _wavelet_basis(terms: int) -> Basis:
     return next(wavelets for wavelets in sets if wavelets.n == terms)
 
 
-def overshoot(groups: Groups, method: str, terms: int) -> dict[str, float]:
+def tension_overshoot(groups: Groups, method: str, terms: int) -> dict[str, float]:
     """Largest |T - T_converged|/H between half a wavelength and two of them from the mass.
 
     size : mean over POSITIONS;  spread : standard error of the mean.

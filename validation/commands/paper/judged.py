@@ -22,33 +22,33 @@ VERDICTS = (HOLDS, PAPER_ONLY, FAILS, OPEN)
 Row = dict[str, Any]
 
 
-def judged_claims(names: Row) -> list[Row]:
-    """All claims of claims.toml, judged, as they are stored; names : of `known.expression_variables`."""
+def judged_claims(variables: Row) -> list[Row]:
+    """All claims of claims.toml, judged, as they are stored; variables : of `known.expression_variables`."""
     content = store.read_packaged_toml(__package__, "claims.toml")
     out = []
     for claim in content["claim"]:
         readings = claim.get("readings", False)
         judged: list[Row] = []
         for entry in claim.get("quantity", ()):
-            judged += quantity_rows(entry, content["meaning"], names)
+            judged += quantity_rows(entry, content["meaning"], variables)
         out.append({
             "id": claim["id"], "where": claim["where"], "claim": claim["says"], "readings": readings,
             "kind": claim.get("kind", "physics"), "quantities": judged, "verdict": claim_verdict(judged, readings),
-            "why": render_sentence(claim["why"], names | {"q": judged}),
+            "why": render_sentence(claim["why"], variables | {"q": judged}),
         })  # fmt: skip
     return out
 
 
-def claim_verdict(quantities: Sequence[Row], readings: bool = False) -> str:
-    """The verdict on a claim from its quantities; readings : one true quantity is enough."""
-    joined = max if readings else min  # or, and
-    true = joined((_inside_sign(q, q["converged"], q["uncertainty"]) for q in quantities), default=0)
+def claim_verdict(quantities: Sequence[Row], one_is_enough: bool = False) -> str:
+    """The verdict on a claim from its quantities; one_is_enough : quantities are readings of one sentence."""
+    joined = max if one_is_enough else min  # or, and
+    true = joined((_sign_inside_range(q, q["converged"], q["uncertainty"]) for q in quantities), default=0)
     if true >= 0:
         return HOLDS if true else OPEN
-    return PAPER_ONLY if joined(_inside_sign(q, q["paper"]) for q in quantities) > 0 else FAILS
+    return PAPER_ONLY if joined(_sign_inside_range(q, q["paper"]) for q in quantities) > 0 else FAILS
 
 
-def _inside_sign(q: Row, value: float | None, bar: float | None = 0.0) -> int:
+def _sign_inside_range(q: Row, value: float | None, bar: float | None = 0.0) -> int:
     """1 inside the range, -1 outside, 0 where the bar reaches across an end or is unknown."""
     if value is None or bar is None:
         return 0
@@ -59,10 +59,10 @@ def _inside_sign(q: Row, value: float | None, bar: float | None = 0.0) -> int:
     return -1 if value + bar < low or value - bar > high else 0
 
 
-def quantity_rows(entry: Row, meaning: Row, names: Row) -> Iterator[Row]:
+def quantity_rows(entry: Row, meaning: Row, variables: Row) -> Iterator[Row]:
     """Yield the number of an entry, one for each of its `keys`: value, bar, and the range in which it is true."""
     for key in entry.get("keys", (None,)):
-        here = names | {"key": key}
+        here = variables | {"key": key}
         value, bar, by_paper = _value_with_bar(entry, here)
         claimed = _claimed_range(entry, meaning, here)
         numbers = {
@@ -78,29 +78,29 @@ class ValueWithBar(NamedTuple):
     at_paper_resolution: float | None
 
 
-def _value_with_bar(entry: Row, names: Row) -> ValueWithBar:
-    """The value of an entry, its bar, and the value at the paper's resolution, if it names one.
+def _value_with_bar(entry: Row, variables: Row) -> ValueWithBar:
+    """The value of an entry, its bar, and the value at the paper's resolution, if it variables one.
 
     of : converged runs by scene; each gives the bar of its ladder.  paper : the paper's runs instead of them.
     r, others : a run (or number), and what else the paper may have taken: the bar is the largest change.
     """
 
     def value(**replaced: Any) -> float:
-        return evaluate_expression(entry["value"], names | replaced)
+        return evaluate_expression(entry["value"], variables | replaced)
 
     of = entry.get("of", ())
-    reference = names["reference"]
-    bar = evaluate_expression(entry.get("bar", 0.0), names)
+    reference = variables["reference"]
+    bar = evaluate_expression(entry.get("bar", 0.0), variables)
     bar += sum(reference[scene].bar(lambda run, scene=scene: value(**{scene: run})) for scene in of)
     if "r" in entry:
-        first, *others = (names["runs"].get(x, x) for x in (entry["r"], *entry.get("others", ())))
-        names["r"] = first
+        first, *others = (variables["runs"].get(x, x) for x in (entry["r"], *entry.get("others", ())))
+        variables = variables | {"r": first}
         bar += max((abs(value(r=x) - value()) for x in others), default=0.0)
     paper = entry.get("paper")
     if isinstance(paper, list):
-        runs = [names["runs"][name] for name in paper]
+        runs = [variables["runs"][name] for name in paper]
         paper = value(**dict(zip(of, runs, strict=True)))
-    return ValueWithBar(value(), bar, None if paper is None else evaluate_expression(paper, names))
+    return ValueWithBar(value(), bar, None if paper is None else evaluate_expression(paper, variables))
 
 
 class ClaimedRange(NamedTuple):
@@ -109,14 +109,14 @@ class ClaimedRange(NamedTuple):
     high: float | None
 
 
-def _claimed_range(entry: Row, meaning: Row, names: Row) -> ClaimedRange:
+def _claimed_range(entry: Row, meaning: Row, variables: Row) -> ClaimedRange:
     """The range in which the claim is true; meaning : numbers and reasons of words like "many"."""
     ends = {}
     reasons = [entry.get("reason", "")]
     for name in ("around", "within", "at_least", "at_most"):
         if name in entry:
             size, reason = meaning.get(entry[name], (entry[name], ""))
-            ends[name] = evaluate_expression(size, names)
+            ends[name] = evaluate_expression(size, variables)
             reasons.append(reason)
     low = ends.get("at_least")
     high = ends.get("at_most")
@@ -133,16 +133,16 @@ def _claimed_range(entry: Row, meaning: Row, names: Row) -> ClaimedRange:
     return ClaimedRange(f"{words} ({next(filter(None, reasons), '')})", low, high)
 
 
-def evaluate_expression(expression: str | float, names: Row) -> float:
+def evaluate_expression(expression: str | float, variables: Row) -> float:
     """The value of an expression; an unknown name is an error."""
     if not isinstance(expression, str):
         return expression
-    return float(page.compile_template_expression(expression)(**names))
+    return float(page.compile_template_expression(expression)(**variables))
 
 
-def render_sentence(template: str, names: Row) -> str:
-    """A template of TOML with these names; an unknown name is an error."""
-    return _TEMPLATES.from_string(template).render(names)
+def render_sentence(template: str, variables: Row) -> str:
+    """A template of TOML with these variables; an unknown name is an error."""
+    return _TEMPLATES.from_string(template).render(variables)
 
 
 def plain_decimal_text(x: float) -> str:

@@ -69,7 +69,7 @@ def max_depth(r: Response, reading: str, end: float = LATEST) -> float:
     return float(path[r.s_o <= end * r.length].max())
 
 
-def path_distance(a: Response, b: Response) -> float:
+def relative_path_distance(a: Response, b: Response) -> float:
     """Largest distance of two paths over the largest deflection of the second."""
     return measures.relative_path_gap(a, b, measures.WINDOW).largest
 
@@ -103,7 +103,7 @@ def median_tension(r: Response, low: float, high: float) -> Array:
     return np.median(r.fields.T_pointwise[frames_between(r, low, high)], axis=1) / r.horizontal_tension
 
 
-def tension_error(r: Response, reference: Response) -> float:
+def rms_tension_error(r: Response, reference: Response) -> float:
     """Rms error of the tension off the mass, over H."""
     return measures.rms_tension_gap(r, reference, MOVING, "T_pointwise")
 
@@ -193,7 +193,7 @@ def wavelet_terms(level: int) -> int:
     return Daubechies(order=4, level=level, reading="literal").n
 
 
-def overshoot_exponent(rows: list[dict[str, float]]) -> tuple[float, float]:
+def overshoot_exponent_and_bar(rows: list[dict[str, float]]) -> tuple[float, float]:
     """The exponent of an overshoot in N, and its bar."""
     first = rows[0]
     last = rows[-1]

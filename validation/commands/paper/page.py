@@ -38,37 +38,37 @@ def sections(folder: Path) -> list[Section]:
 
     parts = []
     for part in FIGURES["section"]:
-        parts.append(part | {"drawn": [_draw_figure(one, content, stored_response) for one in part["figure"]]})
+        parts.append(part | {"drawn": [_draw_figure(figure, content, stored_response) for figure in part["figure"]]})
     references = [x | {"name": FIGURES["scenes"][name]} for name, x in content["references"].items()]
     return render_sections(
         __package__, content=content, parts=parts, references=references, value=_value_text, text_with_bar=text_with_bar
     )
 
 
-def _value_text(x: float | None, q: dict[str, Any], bar: float | None = None) -> str:
+def _value_text(value: float | None, quantity: dict[str, Any], bar: float | None = None) -> str:
     """A value to the digits of its bar; without one to those that differ from the ends of the range."""
-    if x is None:
+    if value is None:
         return "–"
-    if bar and 1e-6 * abs(x) < bar < abs(x) < 1e6:
-        return text_with_bar(x, bar).replace(" ± ", "\u202f±\u202f").replace("-", "−")
-    distances = [abs(x / end - 1.0) for end in (q["low"], q["high"]) if end and end != x]
+    if bar and 1e-6 * abs(value) < bar < abs(value) < 1e6:
+        return text_with_bar(value, bar).replace(" ± ", "\u202f±\u202f").replace("-", "−")
+    distances = [abs(value / end - 1.0) for end in (quantity["low"], quantity["high"]) if end and end != value]
     digits = 2 - np.floor(np.log10(min(distances, default=1.0)))
-    return number_html(x, int(np.clip(digits, 3, 8)))
+    return number_html(value, int(np.clip(digits, 3, 8)))
 
 
-def _draw_figure(one: dict[str, Any], content: dict[str, Any], stored: Callable[[str], Response]) -> Markup:
+def _draw_figure(figure: dict[str, Any], content: dict[str, Any], stored: Callable[[str], Response]) -> Markup:
     claims = {claim["id"]: claim for claim in content["claims"]}
 
     def converged_value(claim: str, i: int = 0) -> float:
         return claims[claim]["quantities"][i]["converged"]
 
-    runs = [(stored(name), LOOKS[look] | {"label": label}) for name, look, label in one.get("of", ())]
-    caption = render_sentence(one["caption"], {"converged": converged_value})
+    runs = [(stored(name), LOOKS[look] | {"label": label}) for name, look, label in figure.get("of", ())]
+    caption = render_sentence(figure["caption"], {"converged": converged_value})
     with report_style():
-        return captioned_figure(DRAWN[one["draw"]](one, content, runs), caption, label=one["label"])
+        return captioned_figure(DRAWN[figure["draw"]](figure, content, runs), caption, label=figure["label"])
 
 
-def _draw_frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_frequencies(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     f = content["frequencies"]
     linear = f["linear_theory"]
     exact = f["exact"]
@@ -92,13 +92,13 @@ def _shade_slack(ax: Any, r: Response) -> None:
         ax.axvspan(r.slack_onset, 1.0, color="#f2e6c4", zorder=0, label="cable slack somewhere")
 
 
-def _draw_paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_paths(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     """Draw the path of the mass in one reading, over s_o/l; the first run says where the cable is slack."""
     first = runs[0][0]
-    reading = one["reading"]
+    reading = figure["reading"]
     fig, ax = figure_with_axes(height=3.4)
     _shade_slack(ax, first)
-    for position in one.get("marks", ()):
+    for position in figure.get("marks", ()):
         ax.axvline(position, **DOTTED)
     if reading == "y + v":
         s = np.linspace(0.0, first.length, 201)
@@ -109,26 +109,26 @@ def _draw_paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Fi
         ax.plot(r.s_o / r.length, path / r.length, **look)
     ax.invert_yaxis()
     ax.set(xlabel="place of the mass sₒ/l", ylabel=f"{reading}, over l (down)", xlim=(0.0, 1.0))
-    ax.set_title(one.get("title", ""))
+    ax.set_title(figure.get("title", ""))
     fig.legend(loc="outside lower center", ncols=2, fontsize=8.0)
     return fig
 
 
-def _draw_along_cable(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_along_cable(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     """Draw shapes or tensions along the cable, one panel for each position of the mass."""
     first = runs[0][0]
     scene = Scene.from_toml(first.scene_toml)
-    positions = one["places"]
+    positions = figure["places"]
     fig, axes = figure_with_axes(len(positions), 1, height=1.15 + 1.25 * len(positions), sharex=True, sharey=True)
-    draw = _draw_shapes if one["draw"] == "shapes" else _draw_tensions
+    draw = _draw_shapes if figure["draw"] == "shapes" else _draw_tensions
     for ax, position in zip(axes, positions, strict=True):
         draw(ax, scene, runs, position)
         t = first.fields.t[_nearest_frame(first, position)] / scene.time_scale
         ax.set_title(f"sₒ/l = {position:g}   (t* = {t:.2f})", fontsize=9)
-    if one["draw"] == "shapes":
+    if figure["draw"] == "shapes":
         axes[0].invert_yaxis()
-    elif "top" in one:
-        axes[0].set_ylim(0.0, one["top"])
+    elif "top" in figure:
+        axes[0].set_ylim(0.0, figure["top"])
     axes[-1].set_xlabel("place on the cable s/l")
     fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8.0)
     return fig
@@ -165,7 +165,7 @@ def _nearest_frame(r: Response, position: float) -> int:
     return int(np.argmin(np.abs(r.fields.s_o / r.length - position)))
 
 
-def _draw_tension_levels(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_tension_levels(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     fig, ax = figure_with_axes(height=3.2)
     _shade_slack(ax, runs[0][0])
     for r, look in runs:
@@ -177,7 +177,7 @@ def _draw_tension_levels(one: dict[str, Any], content: dict[str, Any], runs: Sho
     return fig
 
 
-def _draw_travel_law(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_travel_law(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     """Draw acceleration, speed and position of the mass over time."""
     motion = Scene.from_toml(runs[0][0].scene_toml).groups.motion
     assert motion is not None
@@ -193,7 +193,7 @@ def _draw_travel_law(one: dict[str, Any], content: dict[str, Any], runs: Shown) 
     return fig
 
 
-def _draw_overshoot(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_overshoot(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     fig, ax = figure_with_axes(height=3.2)
     for method, ladder in content["overshoot"].items():
         n = [x["terms"] for x in ladder]
@@ -205,7 +205,7 @@ def _draw_overshoot(one: dict[str, Any], content: dict[str, Any], runs: Shown) -
     return fig
 
 
-def _draw_outlook(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_outlook(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     x = content["outlook"]["x"]
     fig, (top, bottom) = figure_with_axes(2, 1, height=5.0, sharex=True)
     for angle, color in FIGURES["angles"].items():

@@ -36,9 +36,10 @@ class Reference:
     ladder: Ladder
     cross: Response
 
-    def bar(self, f: Callable[[Response], float]) -> float:
+    def bar(self, number_of_run: Callable[[Response], float]) -> float:
         """Bar of a number, at least the distance to the other solver."""
-        return max(float(self.ladder.bar(f)), abs(f(self.ladder.finest) - f(self.cross)))
+        distance = abs(number_of_run(self.ladder.finest) - number_of_run(self.cross))
+        return max(float(self.ladder.bar(number_of_run)), distance)
 
     @property
     def path_bar(self) -> float:

@@ -106,7 +106,7 @@ def _run_and_report(
     with terminal.progress_bars() as progress:
         r, missed_tolerance = answer_at(point, partial(progress, name))
         r.summary()  # bars are computed when they are looked at
-    with do_in_background(partial(_write_animation, r, folder / name)) if name != QUASI_STATIC else nullcontext():
+    with do_in_background(partial(_write_paraview_files, r, folder / name)) if name != QUASI_STATIC else nullcontext():
         r.write(folder / name)
         write_summary_and_profile(folder / name, scene, r)
         report.write_report_and_finish(folder, "run")
@@ -127,7 +127,7 @@ def _run_and_report(
     return 1 if wrong or any(flag.kind != "no bar" for flag in r.flags) else 0
 
 
-def _write_animation(response: "Response", folder: Path) -> None:
+def _write_paraview_files(response: "Response", folder: Path) -> None:
     from validation.page import paraview  # slow to load
 
     paraview.write_paraview_files(response, folder)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -204,17 +204,12 @@ def _name_of_extreme(name: str, max_or_min: str) -> str:
 
 
 def envelope_columns(rest: LineRest) -> dict[str, Array]:
-    """Columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions.
-
-    Where a car that grips is at a station, the tension has two values, and both count.
-    """
-    span = rest.line.contact[-1].at[0]
-    x = np.linspace(0.0, span, STATIONS)
-    beside = 1e-9 * span
-    sides = [np.clip(x + dx, 0.0, span) for dx in (-beside, beside)]
-    states = rest.states.values()
-    y = np.array([catenary_line.depth_and_tension(state, x)[0] for state in states])  # (positions, STATIONS)
-    T = np.array([catenary_line.depth_and_tension(state, side)[1] for state in states for side in sides])
+    """Columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions."""
+    x = np.linspace(0.0, rest.line.contact[-1].at[0], STATIONS)
+    curves = [catenary_line.depth_and_tension(state, x) for state in rest.states.values()]
+    y, T = (
+        np.array([curve_for_grid_page[part] for curve_for_grid_page in curves]) for part in (0, 1)
+    )  # (positions, STATIONS)
     return {
         "x": x, "y_rest": catenary_line.depth_and_tension(rest.empty, x)[0],
         "y_highest": y.min(axis=0), "y_lowest": y.max(axis=0),
@@ -241,7 +236,7 @@ class RestAnswers(LineAnswers):
         return "incomplete" if self.positions_without_rest else "complete"
 
     @property
-    def breaks(self) -> bool:
+    def rope_breaks(self) -> bool:
         """Whether the rope is loaded beyond its breaking load."""
         breaking_load = self.line.cable.breaking_load
         return breaking_load is not None and self.tension_max["value"] > breaking_load
@@ -263,7 +258,7 @@ class RestAnswers(LineAnswers):
         parts = []
         tension = self.tension_max
         load = f"{tension['value'] / 1e3:.1f} kN"
-        if self.breaks:
+        if self.rope_breaks:
             strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
             force = f"{load} in a rope of {strength}{_car_positions_text(tension)}"
             parts.append(Outcome("breaks", f"the rope is loaded beyond its breaking load: {force}"))
@@ -288,7 +283,7 @@ class RestAnswers(LineAnswers):
         return ["catenaries", "elements"]
 
     @property
-    def curve(self) -> Any:
+    def curve_for_grid_page(self) -> list[list[float]]:
         """x and the lowest depths of the rope."""
         profile = envelope_columns(self.rest)
         return [profile["x"].tolist(), profile["y_lowest"].tolist()]

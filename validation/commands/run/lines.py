@@ -74,7 +74,7 @@ class LineAnswers:
         return self.methods[0]
 
     @property
-    def curve(self) -> Any:
+    def curve_for_grid_page(self) -> list[list[float]] | None:
         """What a page of many lines draws of this one: x and depth, or None."""
         return None
 
@@ -82,11 +82,11 @@ class LineAnswers:
         """Write the files; seconds : of the computation."""
         raise NotImplementedError
 
-    def in_words(self, row: Agreement) -> str:
+    def comparison_in_words(self, row: Agreement) -> str:
         """What a row compares."""
         return f"{row.quantity} {row.law}".strip()
 
-    def faults(self, folder: Path, html: str) -> list[str]:
+    def output_faults(self, folder: Path, html: str) -> list[str]:
         """Faults of the files and of the page, as sentences."""
         return []
 
@@ -101,7 +101,7 @@ class LineAnswers:
 
 
 def answer_and_report_lines(
-    command: str, points: Sequence[GridPoint], out: Path | None, solve: Solve, require: bool = False,
+    command: str, points: Sequence[GridPoint], out: Path | None, solve: Solve, require_limits: bool = False,
     at_rest: bool = False,
 ) -> int:  # fmt: skip
     """Answer a line or a grid, store, draw and print it; return the exit code.
@@ -119,7 +119,7 @@ def answer_and_report_lines(
         return 1
     if any(x["status"] != "complete" for x in rows):
         return 2
-    return int(require and limits.any_scene_not_surely_within_limits(rows))
+    return int(require_limits and limits.any_scene_not_surely_within_limits(rows))
 
 
 def _folder_name(command: str, moves: bool) -> str:
@@ -154,7 +154,7 @@ def _answer_one_line(command: str, line: Line, moves: bool, out: Path | None, so
             terminal.print_text(f"  {_agreement_counts_sentence(result)}")
     report.write_report_and_finish(folder, command)
     html = "".join(f"{section.summary}{section.html}" for section in report.read_stored_sections(folder, command))
-    faults = [*result.faults(folder / home, html), *line_terminal_faults(printed, html, folder / home)]
+    faults = [*result.output_faults(folder / home, html), *line_terminal_faults(printed, html, folder / home)]
     report.report_read_back_faults(folder, command, faults)
     terminal.print_text(f"  written to {folder}: report.html, {home}/")
     return result.table_row() | {"faults": len(faults)}
@@ -174,7 +174,7 @@ def _agreement_counts_sentence(result: LineAnswers) -> str:
     ):
         if group:
             parts.append(f"{sum(row.verdict is Verdict.AGREE for row in group)} of {len(group)} {words}")
-    wrong = [result.in_words(row) for row in rows if row.verdict is not Verdict.AGREE]
+    wrong = [result.comparison_in_words(row) for row in rows if row.verdict is not Verdict.AGREE]
     return "; ".join(parts) + (f"; not so: {', '.join(wrong[:4])}" if wrong else "")
 
 
@@ -187,7 +187,7 @@ def _answer_line_grid(
         except (store.Refused, SceneError) as error:
             return {"status": "incomplete", "why": str(error)}, None
         row = result.table_row() | {d["quantity"]: d["value"] for d in result.design}
-        return row, store.nulls_for_nonfinite(result.curve)
+        return row, store.nulls_for_nonfinite(result.curve_for_grid_page)
 
     line = points[0].scene
     kind = "motion" if moves else "rest"

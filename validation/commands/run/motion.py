@@ -474,11 +474,11 @@ class MotionAnswers(LineAnswers):
         rope = np.stack([t, s, *np.moveaxis(motion.points[frames, shown], 2, 0), motion.tension[frames, shown]], axis=2)
         write_csv(folder / "rope.csv", "t,s,x,y,T", rope.reshape(-1, 5))
 
-    def in_words(self, row: Agreement) -> str:
+    def comparison_in_words(self, row: Agreement) -> str:
         """What a row compares."""
         return comparison_words(row.quantity, row.law)
 
-    def faults(self, folder: Path, html: str) -> list[str]:
+    def output_faults(self, folder: Path, html: str) -> list[str]:
         return [
             *motion_laws.faults_of_line_files(folder, self.motion, self.design, self.moved.period),
             *limit_faults(self.limits, tomllib.loads(self.line.to_toml()), self.design, ()),

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,10 @@ from validation.commands.sweep.study import Study
 from validation.core import store
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.store import Refused
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from pyarrow import Schema
 
 LARGEST = 2000  # scenes in a chunk at most
 WRITES = ("rows", "study.toml")
@@ -155,10 +159,10 @@ class _Chunks:
         return rows
 
 
-def _chunk_size(seconds: float, rows: list[Row]) -> int:
-    """How many scenes take `seconds`, from 1 to LARGEST, judged by rows that have their time."""
-    took = sum(row.get("seconds") or 0.0 for row in rows)
-    return int(np.clip(seconds * len(rows) / max(took, 1e-9), 1, LARGEST))
+def _chunk_size(seconds: float, timed_rows: list[Row]) -> int:
+    """How many scenes take `seconds`, from 1 to LARGEST, judged by rows with their time."""
+    took = sum(row.get("seconds") or 0.0 for row in timed_rows)
+    return int(np.clip(seconds * len(timed_rows) / max(took, 1e-9), 1, LARGEST))
 
 
 def write_rows(out: Path, study: Study, rows: list[Row]) -> None:
@@ -171,7 +175,7 @@ def write_rows(out: Path, study: Study, rows: list[Row]) -> None:
         parquet.write_table(table, temporary)
 
 
-def _parquet_schema(study: Study) -> Any:
+def _parquet_schema(study: Study) -> "Schema":
     """The pyarrow.Schema of rows: index, values of the axes, results."""
     import pyarrow as pa
 
@@ -182,7 +186,7 @@ def _parquet_schema(study: Study) -> Any:
     return pa.schema({"index": pa.int64()} | inputs | results | inputs)
 
 
-def read_rows(out: Path, *columns: str) -> Any:
+def read_rows(out: Path, *columns: str) -> "DataFrame":
     """All rows as a pandas.DataFrame, by index; with these columns, if some are named."""
     import pandas
 

@@ -190,7 +190,7 @@ def _random_car_table(
     return car | ({"drive": {"mode": "haul", "rolling_friction": draw(0.0, 0.02)}} if hauled else {})
 
 
-def line_and_fault_key(seed: int, case_number: int) -> tuple[Line, str | None]:
+def moving_line_and_fault_key(seed: int, case_number: int) -> tuple[Line, str | None]:
     """A case of lines in motion, as `scene_and_fault_key`."""
     index = case_number if case_number < SOUND else case_number - SOUND
     rng = np.random.default_rng([seed, index])
@@ -236,7 +236,7 @@ def scene_and_fault_key(seed: int, case_number: int, families_name: str = "ropew
     families_name : a key of SETS, or "lines" in motion; "wide" has faults in friction, drag, brake and drop, too.
     """
     if families_name == "lines":
-        return line_and_fault_key(seed, case_number)
+        return moving_line_and_fault_key(seed, case_number)
     families = SETS[families_name]
     if case_number < SOUND:
         return realistic_scene(seed, case_number, families), None

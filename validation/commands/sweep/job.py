@@ -12,10 +12,15 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from validation.commands.sweep.study import Study
 from validation.core import store
+
+if TYPE_CHECKING:
+    from cablefem.response import Response
+    from cablefem.scene import Scene
+    from cablefem.scene.line import Line
 
 # status: "complete" | "incomplete" | "refused" (the scene's own faults) | "cut off" (too long) | "failed" | "died"
 BROKEN = ("cut off", "failed", "died")
@@ -102,17 +107,17 @@ def _results_of_job(study: Study, point: dict[str, Any], index: int) -> dict[str
     return out | _check_row_with_planted_fault(scene, study.scene_and_fault_key(point)[1], how["tol"])
 
 
-def _check_row_with_planted_fault(scene: Any, key: str | None, tol: float) -> dict[str, Any]:
+def _check_row_with_planted_fault(scene: Scene | Line, key: str | None, tol: float) -> dict[str, Any]:
     """The row of a check whose second solver is told a fault of 1 % in a key; None: no fault."""
     from cablefem.scene.line import Line
 
     fault = "none" if key is None else f"{key} +1 %"
-    second = None if key is None else scene.replace({key: "+1%"})
-    judged = _line_check_row if isinstance(scene, Line) else _check_row
-    return {"family": scene.name, "fault": fault} | judged(scene, tol, second)
+    second: Any = None if key is None else scene.replace({key: "+1%"})
+    row = _line_check_row(scene, tol, second) if isinstance(scene, Line) else _check_row(scene, tol, second)
+    return {"family": scene.name, "fault": fault} | row
 
 
-def _run_row(study: Study, run_options: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
+def _run_row(study: Study, run_options: dict[str, Any], scene: Scene, index: int) -> dict[str, Any]:
     """Results of a run with error bars, by the advised method if none is named; of some scenes also true errors."""
     from validation.core.design import design_numbers
     from validation.core.methods import find_method
@@ -149,14 +154,14 @@ def _run_row(study: Study, run_options: dict[str, Any], scene: Any, index: int) 
     return out | errors_against_finer_run(scene, r, study.truth.finer)
 
 
-def _stop_position(scene: Any) -> float | None:
+def _stop_position(scene: Scene) -> float | None:
     """s_o/l at which runs end: rows say nothing of the slack cable; None: the end of the motion."""
     from validation.core.measures import SLACK_END
 
     return SLACK_END if scene.drive.mode == "grip" else None
 
 
-def errors_against_finer_run(scene: Any, r: Any, finer: int) -> dict[str, Any]:
+def errors_against_finer_run(scene: Scene, r: Response, finer: int) -> dict[str, Any]:
     """Errors of a run, and of one half as fine as the reference, over the range of the run's bar.
 
     The reference, by following-p2, is `finer` times as fine as the run; {} if that exceeds LARGEST_TRUTH.
@@ -168,12 +173,13 @@ def errors_against_finer_run(scene: Any, r: Any, finer: int) -> dict[str, Any]:
     steps = max(2400, finer * r.settings.get("steps", 0))
     if r.path_error is None or steps * elements > LARGEST_TRUTH:
         return {}
-    how = {"model": r.model, "load": r.load, "until": measures.WINDOW[1]}
+    how: dict[str, Any] = {"model": r.model, "load": r.load, "until": measures.WINDOW[1]}
     best, half = (
         run(scene, "following-p2", **how, elements=elements // coarser, steps=steps // coarser) for coarser in (1, 2)
     )
     try:
-        window = measures.common_window(r, best, half, window=tuple(r.error_window or measures.WINDOW))
+        low, high = r.error_window or measures.WINDOW
+        window = measures.common_window(r, best, half, window=(low, high))
         true, doubt = (measures.relative_path_gap(x, best, window).largest for x in (r, half))
         tension, unsure = (measures.rms_tension_gap(x, best, window) for x in (r, half))
     except measures.NotComparable:
@@ -181,7 +187,7 @@ def errors_against_finer_run(scene: Any, r: Any, finer: int) -> dict[str, Any]:
     return {"true_error": true, "doubt": doubt, "true_tension": tension, "doubt_tension": unsure}
 
 
-def response_faults(r: Any) -> list[str]:
+def response_faults(r: Response) -> list[str]:
     """Faults of a response: numbers that are not finite, an end without a reason."""
     import numpy as np
 
@@ -196,7 +202,7 @@ def response_faults(r: Any) -> list[str]:
     return out
 
 
-def _advised_settings(scene: Any, tol: float) -> dict[str, Any]:
+def _advised_settings(scene: Scene, tol: float) -> dict[str, Any]:
     """Simplest model and method that `advise` finds; of a car that rolls, a method that can ride."""
     from validation import advice
 
@@ -206,7 +212,7 @@ def _advised_settings(scene: Any, tol: float) -> dict[str, Any]:
     return {k: advised[k] for k in ("method", "model", "load")}
 
 
-def _check_row(scene: Any, tol: float, second: Any) -> dict[str, Any]:
+def _check_row(scene: Scene, tol: float, second: Scene | None) -> dict[str, Any]:
     """Verdict, what does not agree, and numbers of the better solver; second : a scene for the second one, or None."""
     from validation import check
 
@@ -217,27 +223,27 @@ def _check_row(scene: Any, tol: float, second: Any) -> dict[str, Any]:
     best = min((result.a, result.b), key=path_error)
     return _response_columns(best.finest, scene) | {
         "verdict": result.verdict.value,
-        "not_agreed": _quantities_not_agreed(result),
+        "not_agreed": _not_agreed_text(result),
     }
 
 
-def _line_check_row(line: Any, tol: float, second: Any) -> dict[str, Any]:
+def _line_check_row(line: Line, tol: float, second: Line | None) -> dict[str, Any]:
     """Verdict and what does not agree on a line in motion; second : a line for the second solver, or None."""
     from validation.commands.check.motion import check_line
 
     result: Any = check_line(line, tol, second=second)
-    verdict = {"verdict": result.verdict.value, "not_agreed": _quantities_not_agreed(result)}
+    verdict = {"verdict": result.verdict.value, "not_agreed": _not_agreed_text(result)}
     return verdict | {"status": result.status, "reason": result.moved.reason, "method": result.moved.method}
 
 
-def _quantities_not_agreed(result: Any) -> str | None:
+def _not_agreed_text(result: Any) -> str | None:
     """The quantities that decide and do not agree."""
     agree = type(result.verdict).AGREE
     differ = dict.fromkeys(row.quantity for row in result.rows if row.decides and row.verdict is not agree)
     return ", ".join(differ) or None
 
 
-def _advice_row(scene: Any, tol: float) -> dict[str, Any]:
+def _advice_row(scene: Scene, tol: float) -> dict[str, Any]:
     from validation import advice
 
     advised = advice(scene, tol)
@@ -246,7 +252,7 @@ def _advice_row(scene: Any, tol: float) -> dict[str, Any]:
     return out | {"status": "complete", "settings": json.dumps(advised["settings"]), "verdict": verdict}
 
 
-def _response_columns(r: Any, scene: Any) -> dict[str, Any]:
+def _response_columns(r: Response, scene: Scene) -> dict[str, Any]:
     """What a row holds of a response."""
     from validation.core import limits
     from validation.core.answers import outcome_of_run

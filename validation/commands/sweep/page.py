@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
-from pandas import qcut
+from pandas import DataFrame, qcut
 
 from cablefem.scene import Scene
 from cablefem.scene.keys import list_keys
@@ -40,12 +40,12 @@ def sections(folder: Path) -> list[Section]:
     return render_sections(
         __package__, study=study, rows=rows, complete=complete.sum(), broken=rows["status"].isin(BROKEN).sum(),
         unfinished=rows[~complete], judged=rows[rows["verdict"].notna()], counted=_count_table,
-        bars=bar_coverage(rows) if rows["true_error"].notna().any() else [], maps=list(_draw_maps(study, rows)),
+        bars=bar_coverage_rows(rows) if rows["true_error"].notna().any() else [], maps=list(_draw_maps(study, rows)),
         shown=len(thin), data=Markup(data), script=script,
     )  # fmt: skip
 
 
-def _count_table(rows: Any, by: list[str], caption: str) -> Markup:
+def _count_table(rows: DataFrame, by: list[str], caption: str) -> Markup:
     """Table of how often each combination of words occurs, most frequent first."""
     counts = rows.value_counts(by, dropna=False).reset_index(name="scenes").rename(columns={"verdict": "judged"})
     counts["part"] = [percent_text(n / len(rows), 3) for n in counts["scenes"]]
@@ -55,7 +55,7 @@ def _count_table(rows: Any, by: list[str], caption: str) -> Markup:
 OF = {"path": ("path_error", "true_error", "doubt"), "tension": ("tension_error", "true_tension", "doubt_tension")}
 
 
-def bar_coverage(rows: Any) -> list[dict[str, Any]]:
+def bar_coverage_rows(rows: DataFrame) -> list[dict[str, Any]]:
     """Table rows that say whether the bars hold, by method.
 
     Judged where the two finer runs differ by less than a third of the bar or of the error.
@@ -77,7 +77,7 @@ def bar_coverage(rows: Any) -> list[dict[str, Any]]:
     return out
 
 
-def _draw_maps(study: Study, rows: Any) -> Iterator[Markup]:
+def _draw_maps(study: Study, rows: DataFrame) -> Iterator[Markup]:
     axes = [name for name, a in study.axes.items() if a.numeric and rows[name].nunique() > 1]
     if not axes:
         return
@@ -95,7 +95,7 @@ def _logarithmic_axes(study: Study) -> set[str]:
     return {name for name, axis in study.axes.items() if axis.log}
 
 
-def _draw_dots(ax: Any, rows: Any, x: str, y: str, logs: set[str], **looks: Any) -> Any:
+def _draw_dots(ax: Any, rows: DataFrame, x: str, y: str, logs: set[str], **looks: Any) -> Any:
     """Draw a dot for each scene, a link to its row; x, y : columns."""
     dots = ax.scatter(rows[x], rows[y], s=14, linewidths=0, **looks)
     dots.set_urls([f"#scene-{i}" for i in rows.index])
@@ -104,7 +104,7 @@ def _draw_dots(ax: Any, rows: Any, x: str, y: str, logs: set[str], **looks: Any)
     return dots
 
 
-def _draw_outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
+def _draw_outcomes(rows: DataFrame, axes: list[str], logs: set[str]) -> Markup:
     """Draw what becomes of the car over the first two axes, a colour for each kind."""
     x = axes[0]
     y = axes[1] if len(axes) > 1 else "speed_max"
@@ -140,13 +140,13 @@ def _label_with_unit(name: str) -> str:
     return f"{name} [–]" if unit in ("", "-") else f"{name} [{unit}]"
 
 
-def _thinned_rows(rows: Any) -> Any:
+def _thinned_rows(rows: DataFrame) -> DataFrame:
     """Every n-th row, so that at most 4000 are in the page or dots in a map."""
     most = 4000
     return rows.iloc[:: max(1, -(-len(rows) // most))]
 
 
-def _draw_map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
+def _draw_map(rows: DataFrame, quantity: str, axes: list[str], logs: set[str]) -> Markup:
     """Draw a quantity over the first two axes, or over the only one; a third axis is cut into parts."""
     factor, unit = factor_and_prefixed_unit(rows[quantity].to_numpy(float), unit_of(quantity))
     rows = rows.assign(**{quantity: factor * rows[quantity]})
@@ -171,7 +171,7 @@ def _draw_map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Mark
     return captioned_figure(fig, f"{words[0].upper()}{words[1:]} over {x} and {y}{split}")
 
 
-def _split_by_axis(rows: Any, axis: str) -> list[tuple[str, Any]]:
+def _split_by_axis(rows: DataFrame, axis: str) -> list[tuple[str, DataFrame]]:
     """Scenes by an axis: its values where they are few, else in equal shares."""
     parts = 3  # of a third axis
     if rows[axis].nunique() <= parts:
@@ -182,7 +182,7 @@ def _split_by_axis(rows: Any, axis: str) -> list[tuple[str, Any]]:
     ]
 
 
-def _explorer_data(study: Study, file: Path, rows: Any) -> dict[str, Any]:
+def _explorer_data(study: Study, file: Path, rows: DataFrame) -> dict[str, Any]:
     """What explorer.js shows: curves of scenes across their axes, and a table with the command of each."""
     names = [*study.axes, *DESIGN, "max_deflection", "path_error", "seconds", "status", "verdict", "method"]
     logs = _logarithmic_axes(study)
@@ -194,7 +194,7 @@ def _explorer_data(study: Study, file: Path, rows: Any) -> dict[str, Any]:
     return {"study": str(file), "index": rows.index.tolist(), "columns": columns}
 
 
-def _json_value(value: Any) -> Any:
+def _json_value(value: str | float | None) -> str | float | None:
     """A word as it is, a number to five digits, None for nan."""
     if isinstance(value, str):
         return value

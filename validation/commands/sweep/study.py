@@ -90,14 +90,14 @@ class Study(Part):
                 data = data | {"scene": Scene.load(file if file.is_file() else scene)}
             study = cls(**data)
             study._name = name
-            faults = study._faults()
+            faults = study._cross_field_faults()
             if faults:
                 raise SceneError(faults)
             return study
         except SceneError as error:
             raise Refused([f"{name}: {fault}" for fault in error.faults]) from None
 
-    def _faults(self) -> list[str]:
+    def _cross_field_faults(self) -> list[str]:
         """Faults between fields each of which is sound."""
         if (self.vary is None) == (self.sample is None):
             return ["exactly one of [vary] (a full grid) and [sample] (a design of experiments) must be given"]
