@@ -112,8 +112,18 @@ def _state_arrays(states: Sequence[State]) -> tuple[Array, Array, NDArray[np.int
     return t, rows, np.array([x.phase for x in states])
 
 
-def stack_states(states: Sequence[State]) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
-    """t (n,), q, v and a (n, n_dof), and phase (n,) of a history."""
+class StateArrays(NamedTuple):
+    """n states."""
+
+    t: Array  # (n,)
+    q: Array  # (n, n_dof)
+    v: Array
+    a: Array
+    phase: NDArray[np.intp]  # (n,)
+
+
+def stack_states(states: Sequence[State]) -> StateArrays:
+    """The arrays of a history."""
     blocks = states.blocks if isinstance(states, StateHistory) else [states]
     t, rows, phase = (np.concatenate(column) for column in zip(*map(_state_arrays, blocks), strict=True))
-    return t, rows[:, 0], rows[:, 1], rows[:, 2], phase
+    return StateArrays(t, rows[:, 0], rows[:, 1], rows[:, 2], phase)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,15 +27,23 @@ def static_tension(s: Any, sigma: float, c: float) -> np.ndarray:
     return np.sqrt(1.0 + p * p)
 
 
-def tension_and_shape_derivatives(
-    s: Any, sigma: float, c: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(T, x', y', x'', y'') at s in [0, 1]."""
+class TensionAndShape(NamedTuple):
+    """T/H and derivatives of x and y by s; arrays."""
+
+    T: np.ndarray
+    dx: np.ndarray
+    dy: np.ndarray
+    ddx: np.ndarray
+    ddy: np.ndarray
+
+
+def tension_and_shape_derivatives(s: Any, sigma: float, c: float) -> TensionAndShape:
+    """T, x', y', x'', y'' at s in [0, 1]."""
     p = c - sigma * np.asarray(s, dtype=float)
     T = np.sqrt(1.0 + p * p)
     xp = 1.0 / T
     ypp = -sigma * xp * xp * xp  # a power is slow
-    return T, xp, p * xp, -p * ypp, ypp
+    return TensionAndShape(T, xp, p * xp, -p * ypp, ypp)
 
 
 def coordinates(s: Any, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:

@@ -67,9 +67,7 @@ class Groups:
     drive: Drive = GRIP
     damping: float = 0.0  # c_d: the force on the cable is -c_d times its momentum
 
-    def tension_and_shape_derivatives(
-        self, s: Any
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def tension_and_shape_derivatives(self, s: Any) -> _catenary.TensionAndShape:
         """(T, x', y', x'', y'') at s in [0, 1]."""
         return _catenary.tension_and_shape_derivatives(s, self.sigma, self.c)
 
@@ -335,6 +333,8 @@ class Scene(Described):
         if self.ride is not None:
             return self.ride.duration * self.time_scale
         return None if self._motion is None else self._motion.phases[-1][1]
+
+    arrival = arrival_time  # its name in 0.3.0
 
     @cached_property
     def _motion(self) -> Motion | None:

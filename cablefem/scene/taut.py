@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,20 +23,28 @@ class Start:
     s: np.ndarray  # (n,) [m]
 
 
+class TautString(NamedTuple):
+    """A string that carries the loads of a case with n stations."""
+
+    H: np.ndarray  # (n - 1,) [N] horizontal force of the pieces
+    points: np.ndarray  # (n, 2) [m]
+    lengths: np.ndarray  # (n - 1,) [m] of the pieces, unstretched
+
+
 def first_guess(case: Case) -> Start | NoLineAtRest:
     """A first guess, or why there is none."""
     try:
-        H, points, pieces = _taut_guess(case)
+        string = _taut_guess(case)
     except NoLineAtRest as error:
         return error
-    s = np.concatenate([[0.0], np.cumsum(pieces)])
+    s = np.concatenate([[0.0], np.cumsum(string.lengths)])
     if math.isnan(case.s_or_nan[0]):
         s += case.s_or_nan[-1] - s[-1]
-    return Start(H, points, s)
+    return Start(string.H, string.points, s)
 
 
-def _taut_guess(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """H, points and lengths of pieces; NoLineAtRest where the tension does not carry the case."""
+def _taut_guess(case: Case) -> TautString:
+    """The string of the tension or length of a case; NoLineAtRest where that does not carry it."""
     prescribed = case.prescribed_tension
     for k in (0, len(case.stations) - 1):
         if prescribed is None and case.stations[k].kind == "counterweight":
@@ -49,12 +58,11 @@ def _taut_guess(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         raise NoLineAtRest(f"a tension of {T:.6g} N at {case.stations[k].name} does not carry it") from None
 
 
-def _taut_guess_for_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _taut_guess_for_length(case: Case, length: float) -> TautString:
     def excess(log_T: float) -> float:
         """Length of a catenary with this tension beyond the prescribed one."""
         try:
-            _, _, pieces = _string_under_loads(case, math.exp(log_T), None)
-            return float(pieces.sum()) - length
+            return float(_string_under_loads(case, math.exp(log_T), None).lengths.sum()) - length
         except NoLineAtRest:  # too slack
             return math.inf
 
@@ -74,8 +82,8 @@ def _taut_guess_for_length(case: Case, length: float) -> tuple[np.ndarray, np.nd
         raise NoLineAtRest(f"{length:.6g} m of rope hang too slack") from None
 
 
-def _string_under_loads(case: Case, tension: float, station: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """H, points and lengths of pieces, for a tension at that station or at the mean depth."""
+def _string_under_loads(case: Case, tension: float, station: int | None) -> TautString:
+    """The string with a tension [N] at that station, or at the mean depth; NoLineAtRest where it goes slack."""
     x = np.array([p.x for p in case.stations])
     y = np.array([p.y for p in case.stations])
     cars = np.array([p.is_car for p in case.stations])
@@ -101,7 +109,8 @@ def _string_under_loads(case: Case, tension: float, station: int | None) -> tupl
         if np.abs(N - before).max() <= WITHIN * tension:
             break
     arc = np.hypot(dx, np.diff(depth)) + (w / H) ** 2 * dx**3 / 24.0
-    return H, np.stack([x, depth], axis=1), arc / (1.0 + N / case.EA) / case.thermal_stretch
+    unstretched = arc / (1.0 + N / case.EA) / case.thermal_stretch
+    return TautString(H, np.stack([x, depth], axis=1), unstretched)
 
 
 def _sum_at_stations(pieces: np.ndarray) -> np.ndarray:
