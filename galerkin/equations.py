@@ -91,9 +91,11 @@ class GalerkinSystem(System):
 
     def _reset_instant_cache(self) -> None:
         """Make the cache of instants; a collocation step visits three."""
-        self.instant = lru_cache(maxsize=8)(
-            lambda t, phase: self._instant_at(*self.motion.position_with_rates(t, phase))
-        )
+
+        def instant(t: float, phase: int) -> Instant:
+            return self._instant_at(*self.motion.position_with_rates(t, phase))
+
+        self.instant = lru_cache(maxsize=8)(instant)
 
     def with_law(self, law: str) -> Self:
         other = copy.copy(self)

@@ -49,11 +49,15 @@ class LineEquations:
         """The values of `ContactState` at all contacts (..., contacts, 26)."""
         layout = self.layout
         x = np.zeros((*Z.shape[1:-1], layout.contacts, ContactState.size))
-        x[..., 1:, 0:2], x[..., :-1, 2:4] = rope.balance_rows[..., -1, :], -rope.balance_rows[..., -2, :]
-        x[..., 1:, 4:6], x[..., :-1, 6:8] = rope.end_slopes[..., 1, :], rope.end_slopes[..., 0, :]
+        x[..., 1:, 0:2] = rope.balance_rows[..., -1, :]
+        x[..., :-1, 2:4] = -rope.balance_rows[..., -2, :]
+        x[..., 1:, 4:6] = rope.end_slopes[..., 1, :]
+        x[..., :-1, 6:8] = rope.end_slopes[..., 0, :]
         for order in range(3):
             x[..., 8 + 5 * order : 13 + 5 * order] = Z[order][..., layout.moving]
-        x[..., 23], x[..., 24], x[..., 25] = Z[1][..., layout.s], Z[2][..., layout.s], Z[2][..., layout.F]
+        x[..., 23] = Z[1][..., layout.s]
+        x[..., 24] = Z[2][..., layout.s]
+        x[..., 25] = Z[2][..., layout.F]
         return x
 
     def contact_state(self, contact_values: Array, k: int) -> Any:

@@ -224,12 +224,13 @@ def _points_and_tensions(rope: Rope, Z: Array, s: Array, integrals: Array) -> tu
     layout = rope.layout
     at = Z[0][:, layout.s]  # (n, contacts)
     row = np.arange(len(at))[:, None]
-    i = np.sum(at[:, 1:-1, None] < s, axis=1)  # (n, m)
-    xi = (s - at[row, i]) / rope.h[0, row, i, 0]
+    i = np.sum(at[:, 1:-1, None] < s, axis=1)  # segments (n, m)
+    h = rope.h[0, row, i]  # (n, m, 1)
+    xi = (s - at[row, i]) / h[..., 0]
     u = Z[0][:, layout.columns[:, :-2]].reshape(len(at), layout.segments, -1, 2)
     B = basis_functions_and_derivatives(xi.ravel(), layout.terms)[0].reshape(*xi.shape, -1)
     points = (B[..., None, :] @ u[row, i])[..., 0, :]
     sums = (integrals @ rope.inertia_and_weight)[row, i]  # (n, m, coefficients, 2)
     legendres = legendre.legvander(2.0 * xi - 1.0, len(integrals) - 1)
-    load = rope.h[0, row, i] * (legendres[..., None, :] @ sums)[..., 0, :]
+    load = h * (legendres[..., None, :] @ sums)[..., 0, :]
     return points, length(load - rope.balance_rows[row, i, -2])

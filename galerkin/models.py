@@ -113,9 +113,10 @@ class ChordCable:
     def _chord_force_rise_and_gradient(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
         """S w, h, and (dh/dQ)/(alpha lam)."""
         S, b = tables
-        Sq = Q[0] @ S
-        h = self.alpha * self.lam * (b @ Q[0] + 0.5 * self.kap * (Q[0] @ Sq))
-        return Sq, h, b + self.kap * Sq
+        q = Q[0]
+        Sq = q @ S
+        strain = b @ q + 0.5 * self.kap * (q @ Sq)  # the mean along the cable
+        return Sq, self.alpha * self.lam * strain, b + self.kap * Sq
 
     def internal_force_and_tensions(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float]:
         Sq, h, g = self._chord_force_rise_and_gradient(tables, Q)
@@ -124,7 +125,8 @@ class ChordCable:
     def force_tensions_and_tangent(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
         """R (1, n), h and dR/dQ (n, n)."""
         _, h, g = self._chord_force_rise_and_gradient(tables, Q)
-        J = (self.T_chord + self.kap * h) * tables[0] + np.multiply.outer(self.alpha * self.lam * g, g)
+        at_fixed_h = (self.T_chord + self.kap * h) * tables[0]
+        J = at_fixed_h + np.multiply.outer(self.alpha * self.lam * g, g)
         return *self.internal_force_and_tensions(tables, Q), J
 
     def strain_energy_and_tension_rise(self, tables: tuple[Array, Array], Q: Array) -> tuple[float, float]:

@@ -134,7 +134,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     """Measurements of a history; fields at stations s (m,) for the rows `frames` (k,)."""
     groups = system.groups
     cable = system.cable
-    along = system.cable.direction
+    direction = cable.direction  # of the fields, as (u, v)
     x = Measures(system, states)
     w, w_t, w_tt, slopes = x.motion_and_slopes_at_mass()
     fields = x.displacement_velocity_slope_fields(s, frames)
@@ -152,7 +152,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     curvature = np.stack([xpp, ypp], axis=1)
     ds_o = x.ds_o[:, None]
     dds_o = x.dds_o[:, None]
-    velocity = w_t + ds_o * slope
+    velocity = w_t + ds_o * slope  # of the mass, by fields
     acceleration = w_tt + dds_o * slope + ds_o**2 * bend
     contact = system.mu * cable.weight - system.inertia * acceleration
     power = x.ds_o * (material_force - np.sum(contact * sides.mean(axis=0), axis=1))
@@ -162,15 +162,15 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     powers = {"lost_viscous": -viscous} if system.damping else {}
     depth = cable.depth_at_rest(x.s_o) + w[:, -1]
     potential = -cable.weight[-1] * (sunk + system.mu * depth)
-    slope_behind, slope_ahead = sides if system.fields == 2 else static + slopes @ along
-    u, v = np.einsum("kfs,fd->dks", fields[0], along)
-    du, dv = np.einsum("kfs,fd->dks", fields[1], along)
+    slope_behind, slope_ahead = sides if system.fields == 2 else static + slopes @ direction
+    u, v = np.einsum("kfs,fd->dks", fields[0], direction)
+    du, dv = np.einsum("kfs,fd->dks", fields[1], direction)
     return Observation(
-        path=w @ along, path_velocity=w_t @ along + ds_o * static,
-        path_acceleration=w_tt @ along + dds_o * static + ds_o**2 * curvature,
+        path=w @ direction, path_velocity=w_t @ direction + ds_o * static,
+        path_acceleration=w_tt @ direction + dds_o * static + ds_o**2 * curvature,
         slope_behind=slope_behind, slope_ahead=slope_ahead,
         energy=kinetic + forces["strain"] + potential, power=power - viscous,
-        u=u, v=v, du=du, dv=dv, t=states.t, s_o=x.s_o, contact=contact @ along, powers=powers,
+        u=u, v=v, du=du, dv=dv, t=states.t, s_o=x.s_o, contact=contact @ direction, powers=powers,
         kinetic=kinetic, potential=potential, **forces,
     )  # fmt: skip
 
@@ -198,8 +198,9 @@ def _full_cable_forces(
     both = np.array([balanced.behind, balanced.ahead])
     sides = slopes_from_forces(both, slopes, T_o, cable.alpha) if x.system.by_force else slopes
     left, right = (cable.force_energy_and_tangent_rows(x.s_o, (side - static_o).T) for side in sides)
-    mean = T_o * static_o.T + 0.5 * (left[2:4] + right[2:4])  # <N t>
-    material_force = np.sum(mean * (sides[1] - sides[0]).T, axis=0) - (right[1] - left[1])
+    mean_force = T_o * static_o.T + 0.5 * (left[2:4] + right[2:4])  # <N t>
+    kink = (sides[1] - sides[0]).T  # [r']
+    material_force = np.sum(mean_force * kink, axis=0) - (right[1] - left[1])
     smallest = np.fmin(balanced.min_tension, np.fmin(behind, ahead))
     if x.system.law == "tension-only":
         smallest = np.maximum(smallest, 0.0)
@@ -220,7 +221,8 @@ def _chord_tensions_and_strain_energy(cable: ChordCable, x: Measures, s: Array, 
     """Fields of `Observation`."""
     basis = x.system.basis
     rows = zip(x.inside.tolist(), x.q[..., : x.system.n], strict=True)
-    strain, h = np.array([cable.strain_energy_and_tension_rise(cable.tables_at(basis, s_o), Q) for s_o, Q in rows]).T
+    values = [cable.strain_energy_and_tension_rise(cable.tables_at(basis, s_o), Q) for s_o, Q in rows]
+    strain, h = np.array(values).T
     T = cable.groups.tension_and_shape_derivatives(x.s_o)[0] + h
     return {
         "T_behind": np.where(x.s_o > 0.0, T, np.nan), "T_ahead": np.where(x.s_o < 1.0, T, np.nan),

@@ -76,21 +76,24 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def _car_kinematics(self, x: State) -> tuple[float, float, float]:
         """s_o, ds_o, dds_o."""
-        return (
-            (float(x.q[-1]), float(x.v[-1]), float(x.a[-1]))
-            if self.free
-            else self.motion.position_with_rates(x.t, x.phase)
-        )
+        if not self.free:
+            return self.motion.position_with_rates(x.t, x.phase)
+        return float(x.q[-1]), float(x.v[-1]), float(x.a[-1])
 
     def _car_loads(self, t: float, phase: int) -> rolling.CarLoads:
         drive = self.drive
-        against = (
-            -self.mode.slip_sign if self.free else -math.copysign(1.0, self.motion.position_with_rates(t, phase)[1])
-        )
-        brake = against * self.brake_force
-        loads = self.mu, self.groups.sigma, drive.k, drive.wind, self.hold_force(t), against * drive.mu_r, brake
-        since, ax, ay, jx, jy = self._mean_acceleration if self.free else (t, math.nan, math.nan, 0.0, 0.0)
-        return rolling.CarLoads(*loads, ax + (t - since) * jx, ay + (t - since) * jy)
+        ax = ay = math.nan
+        if self.free:
+            against = -self.mode.slip_sign
+            since, ax, ay, jx, jy = self._mean_acceleration
+            ax, ay = ax + (t - since) * jx, ay + (t - since) * jy
+        else:
+            speed = self.motion.position_with_rates(t, phase)[1]
+            against = -math.copysign(1.0, speed)
+        return rolling.CarLoads(
+            mu=self.mu, sigma=self.groups.sigma, drag=drive.k, wind=drive.wind, hold=self.hold_force(t),
+            friction=against * drive.mu_r, brake=against * self.brake_force, ax=ax, ay=ay,
+        )  # fmt: skip
 
     def car_by_equilibrium_tension(self, x: State, held_loads: rolling.CarLoads | None = None) -> Car:
         """The car, by the tension from equilibrium; with `held_loads` it is held."""
@@ -145,7 +148,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
         powers |= o.powers
         haul = F if drive.thrust_table or not self.free else o.haul
         contact = -np.stack([car.Cx, car.Cy], axis=1)
-        return replace(o, contact=contact, haul=haul, power=np.sum(list(powers.values()), axis=0), powers=powers)
+        power = np.sum(list(powers.values()), axis=0)
+        return replace(o, contact=contact, haul=haul, power=power, powers=powers)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         return self._residual_and_derivatives(State(t, q, v, a, phase), 0)[0]
@@ -188,20 +192,17 @@ class RollingSystem(RollingCar, GalerkinSystem):
     ) -> tuple[int, Array, Array]:
         """Steps end at an event, where the rules change, or where a hauled car turns."""
         drive = self.drive
-        s_o, ds_o = start[:2, -1].tolist()
         if not self.event_free_range_known or t[0] < drive.release:
             return 0, *NO_STEPS
         ride, _, at_start = self._kernel_arguments(State(t[0], start[0], start[1], start[2], phase))
         if self.free:
-            reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
-            behind, _ = self.sines.gauss_rules_of_sides(max(s_o, reach))
-            _, ahead = self.sines.gauss_rules_of_sides(min(s_o, reach))
             kinematics = np.array([at_start])
-            sines = self._cable_sines(behind, ahead)
+            sines = self._cable_sines_for_reach(at_start, float(rules[:, 0, 1].sum()))
         else:
             kinematics = np.ascontiguousarray(self.motion.positions_with_rates(t, phase).T)
             turned = np.flatnonzero(np.signbit(kinematics[:, 1]) != np.signbit(kinematics[0, 1]))
-            same, sines = next(self.runs_with_equal_quadrature(kinematics[: turned[0] if turned.size else t.size, 0]))
+            before_turn = turned[0] if turned.size else t.size
+            same, sines = next(self.runs_with_equal_quadrature(kinematics[:before_turn, 0]))
             t = t[same]
             rules = rules[same]
         thrust = drive.thrust(t, phase) if self.free else np.zeros(t.size)
@@ -218,6 +219,14 @@ class RollingSystem(RollingCar, GalerkinSystem):
             if self.free:
                 self._past = past[int(mean_acceleration[0]) : len(past) - t.size + taken]
         return taken, ends, results
+
+    def _cable_sines_for_reach(self, kinematics: tuple[float, float, float], duration: float) -> kernels.CableSines:
+        """The cable with rules for both sides wherever the car gets in this time at its present speed."""
+        s_o, ds_o, _ = kinematics
+        reached = min(1.0, max(0.0, s_o + ds_o * duration))
+        behind, _ = self.sines.gauss_rules_of_sides(max(s_o, reached))
+        _, ahead = self.sines.gauss_rules_of_sides(min(s_o, reached))
+        return self._cable_sines(behind, ahead)
 
     def start(self, phase: int, state: State | None) -> State:
         """In equilibrium, with a free car held, or a hauled one on its rope; later a jumps.

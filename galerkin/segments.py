@@ -38,10 +38,13 @@ def jet_quotient(f: Array, g: Array) -> Array:
 
 def jet_composition(F: Array, xi: Array) -> Array:
     """The jet of F(xi, t); F[i, k] holds the i-th time derivative of the k-th xi derivative at fixed xi."""
-    x, dx, ddx = F[0], xi[1, ..., None], xi[2, ..., None]
-    acceleration = F[2, 0] + (2.0 * F[1, 1] + x[2] * dx) * dx + x[1] * ddx
+    value, slope, bend = F[0, 0], F[0, 1], F[0, 2]
+    dx, ddx = xi[1, ..., None], xi[2, ..., None]
+    acceleration = F[2, 0] + (2.0 * F[1, 1] + bend * dx) * dx + slope * ddx
     out = np.empty((3, *acceleration.shape))
-    out[0], out[1], out[2] = x[0], F[1, 0] + x[1] * dx, acceleration
+    out[0] = value
+    out[1] = F[1, 0] + slope * dx
+    out[2] = acceleration
     return out
 
 
@@ -152,23 +155,24 @@ class Rope:
     def __init__(self, layout: Layout, Z: Array) -> None:
         """Z (3, ..., layout.size): the jets of all coordinates."""
         self.layout = layout
+        tables = layout.tables
         u = Z[..., layout.columns[:, :-2]]  # (3, ..., S, 2 M)
-        at = Z[..., layout.columns[:, -2:]]  # s of L and R (3, ..., S, 2)
-        self.h = (at[..., 1] - at[..., 0])[..., None]
-        self.left = left = at[..., :1]
-        h = self.h[0]
-        self.xi = np.empty((*self.h.shape[:-1], layout.tables.points.size))
-        self.xi[0] = layout.tables.points
-        self.xi[1] = -(left[1] + layout.tables.points * self.h[1]) / h
-        self.xi[2] = -(left[2] + 2.0 * self.xi[1] * self.h[1] + layout.tables.points * self.h[2]) / h
+        ends = Z[..., layout.columns[:, -2:]]  # s of L and R (3, ..., S, 2)
+        self.h = (ends[..., 1] - ends[..., 0])[..., None]
+        self.left = ends[..., :1]
+        h, dh, ddh = self.h
+        self.xi = np.empty((*self.h.shape[:-1], tables.points.size))
+        self.xi[0] = tables.points
+        self.xi[1] = -(self.left[1] + tables.points * dh) / h
+        self.xi[2] = -(self.left[2] + 2.0 * self.xi[1] * dh + tables.points * ddh) / h
         u = u.reshape(*u.shape[:-1], -1, 2)  # (3, ..., S, M, 2)
-        # one product for all instants and segments: the tables are large
-        values = layout.tables.flat @ np.moveaxis(u, -2, 0).reshape(u.shape[-2], -1)  # (4 G, 3 ... S 2)
+        coefficients = np.moveaxis(u, -2, 0).reshape(u.shape[-2], -1)  # (M, 3 ... S 2)
+        values = tables.flat @ coefficients  # one product for all instants and segments: the tables are large
         values = values.reshape(4, -1, *u.shape[:-2], 2)
         self.Y = np.moveaxis(values, (2, 1), (0, -2))  # (3, 4, ..., S, G, 2): time derivatives of xi derivatives
         self.r = jet_composition(self.Y, self.xi)
         self.slope = self.Y[0, 1] / h[..., None]  # r' (..., S, G, 2)
-        self.end_slopes = layout.tables.end_slopes @ u[0] / h[..., None]  # at L and R (..., S, 2, 2)
+        self.end_slopes = tables.end_slopes @ u[0] / h[..., None]  # at L and R (..., S, 2, 2)
 
     @cached_property
     def tensions(self) -> Tensions:
@@ -205,11 +209,13 @@ class Rope:
     @property
     def end_slope_derivatives(self) -> Array:
         """Derivatives of r' at L and R, (S, 2, 2, 2 M + 2)."""
-        S, M = self.layout.segments, self.layout.tables.end_slopes.shape[1]
+        of_functions = self.layout.tables.end_slopes  # (2, M)
+        M = of_functions.shape[1]
         h = self.h[0, :, :, None]
-        out = np.zeros((S, 2, 2, 2 * M + 2))
-        out[:, :, 0, 0:-2:2] = out[:, :, 1, 1:-2:2] = self.layout.tables.end_slopes / h
-        out[..., -2], out[..., -1] = self.end_slopes / h, -self.end_slopes / h
+        out = np.zeros((self.layout.segments, 2, 2, 2 * M + 2))
+        out[:, :, 0, 0:-2:2] = out[:, :, 1, 1:-2:2] = of_functions / h
+        out[..., -2] = self.end_slopes / h
+        out[..., -1] = -self.end_slopes / h
         return out
 
     @property

@@ -37,7 +37,8 @@ class Follower(NamedTuple):
 
     def arm_and_derivative(self, pitch: Array) -> tuple[Array, Array]:
         """The arm and d(arm)/d(pitch), (..., 2) or (..., 1)."""
-        return rotate(self.arm, pitch)[..., : self.p.size], rotate(arm_derivative(self.arm), pitch)[..., : self.p.size]
+        axes = slice(self.p.size)
+        return rotate(self.arm, pitch)[..., axes], rotate(arm_derivative(self.arm), pitch)[..., axes]
 
     def set_dependent_coordinates(self, Z: Array) -> None:
         """Set p and its rates in Z (3, ..., coordinates)."""
@@ -51,12 +52,12 @@ class Follower(NamedTuple):
         """Add the derivatives by p and its rates to those by c and pitch; K (3, rows, columns)."""
         th, dth, ddth = Z[:, self.pitch, None]
         arm, n = self.arm_and_derivative(th)
-        by = K[..., column[self.p]]  # (3, rows, p.size)
+        by_p, by_v, by_a = by = K[..., column[self.p]]  # (3, rows, p.size)
         at = column[self.pitch]
         K[..., column[self.c]] += by
-        K[0, :, at] += by[0] @ n - by[1] @ (dth * arm) - by[2] @ (ddth * arm + dth**2 * n)
-        K[1, :, at] += by[1] @ n - by[2] @ (2.0 * dth * arm)
-        K[2, :, at] += by[2] @ n
+        K[0, :, at] += by_p @ n - by_v @ (dth * arm) - by_a @ (ddth * arm + dth**2 * n)
+        K[1, :, at] += by_v @ n - by_a @ (2.0 * dth * arm)
+        K[2, :, at] += by_a @ n
 
 
 def arm_derivative(arm: Pair) -> Pair:
@@ -69,6 +70,13 @@ def wheel_arm_in_car_axes(wheel: Wheel) -> Pair:
     wheels = wheel.car.wheels
     assert wheels is not None
     return (0.5 if wheel.front else -0.5) * wheels.base - wheels.ahead, -wheels.below
+
+
+class WheelPair(NamedTuple):
+    """What acts on a car on two wheels; angle, centre and F of the car are with the rear one."""
+
+    rear: ContactState
+    front: ContactState
 
 
 class Trolley(CarBody):
@@ -90,43 +98,45 @@ class Trolley(CarBody):
         rear = np.asarray(self.car.drive.rear_brake_force(s))
         return np.stack([rear, self.car.drive.brake_force(s) - rear], axis=-1)
 
-    def centre_of_mass_and_velocity(self, x: tuple[ContactState, ContactState]) -> tuple[Array, Array]:
-        return x[0].c, x[0].dc
+    def centre_of_mass_and_velocity(self, x: WheelPair) -> tuple[Array, Array]:
+        return x.rear.c, x.rear.dc
 
-    def state_from_contact_values(self, contact_values: Array) -> tuple[ContactState, ContactState]:
-        """The rear wheel, with angle, centre and F of the car, and the front wheel."""
-        return ContactState(contact_values[..., 0, :]), ContactState(contact_values[..., 1, :])
+    def state_from_contact_values(self, contact_values: Array) -> WheelPair:
+        return WheelPair(ContactState(contact_values[..., 0, :]), ContactState(contact_values[..., 1, :]))
 
-    def wheel_states(self, x: tuple[ContactState, ContactState]) -> Sequence[ContactState]:
+    def wheel_states(self, x: WheelPair) -> Sequence[ContactState]:
         return x
 
-    def normal_wheel_loads(self, x: tuple[ContactState, ContactState]) -> Array:
+    def normal_wheel_loads(self, x: WheelPair) -> Array:
         return np.stack([normal_component(self.force_on_rope(wheel), wheel.tau) for wheel in x], axis=-1)
 
-    def tangential_force_on_last_wheel(self, x: tuple[ContactState, ContactState]) -> Array:
-        return -dot(self.force_on_rope(x[1]), x[1].tau)
+    def tangential_force_on_last_wheel(self, x: WheelPair) -> Array:
+        return -dot(self.force_on_rope(x.front), x.front.tau)
 
-    def balance_rows(self, x: tuple[ContactState, ContactState], friction: Friction) -> Array:
-        car, rear = self.car, x[0]
+    def balance_rows(self, x: WheelPair, friction: Friction) -> Array:
+        car = x.rear  # with the angle, the centre and F
         P = [self.force_on_rope(wheel) for wheel in x]
-        n = [rotate(arm_derivative(arm), rear.angle) for arm in self.arms_in_car_axes]
-        driven = rear.F[..., None] * rotate(self.thrust_axes, rear.angle)
-        force = P[0] + P[1] + car.mass * (rear.ddc - self.gravity * DOWN) - driven - self.drag_force(rear.dc)
-        moment = dot(n[0], P[0]) + dot(n[1], P[1]) + self.inertia * rear.ddangle[..., 0] - self.lever * rear.F
+        n = [rotate(arm_derivative(arm), car.angle) for arm in self.arms_in_car_axes]
+        driven = car.F[..., None] * rotate(self.thrust_axes, car.angle)
+        inertia_and_weight = self.car.mass * (car.ddc - self.gravity * DOWN)
+        force = P[0] + P[1] + inertia_and_weight - driven - self.drag_force(car.dc)
+        of_wheels = dot(n[0], P[0]) + dot(n[1], P[1])
+        moment = of_wheels + self.inertia * car.ddangle[..., 0] - self.lever * car.F
         slip = self.signed_friction_and_hold(self.normal_wheel_loads(x), friction)
         rolling = [dot(P[i], x[i].tau) + slip[..., i] * x[i].cos_phi for i in (0, 1)]
         if self.unknown[-1] == "s":
             rolling.pop()
         return np.concatenate([force, np.stack([moment, *rolling], axis=-1)], axis=-1)
 
-    def energies(self, x: tuple[ContactState, ContactState]) -> Array:
-        car, at = self.car, x[0]
-        kinetic = 0.5 * (car.mass * dot(at.dc, at.dc) + self.inertia * at.dangle[..., 0] ** 2)
-        return np.stack([kinetic, 0.0 * kinetic, -car.mass * self.gravity * at.c[..., 1]])
+    def energies(self, x: WheelPair) -> Array:
+        car, mass = x.rear, self.car.mass
+        kinetic = 0.5 * (mass * dot(car.dc, car.dc) + self.inertia * car.dangle[..., 0] ** 2)
+        potential = -mass * self.gravity * car.c[..., 1]
+        return np.stack([kinetic, 0.0 * kinetic, potential])
 
-    def drag_drive_and_swing_powers(self, x: tuple[ContactState, ContactState]) -> dict[str, Array]:
-        at = x[0]
+    def drag_drive_and_swing_powers(self, x: WheelPair) -> dict[str, Array]:
         if self.car.drive_kind == "grip":
             return {}
-        driven = dot(rotate(self.thrust_axes, at.angle), at.dc) + self.lever * at.dangle[..., 0]
-        return {"drag": dot(self.drag_force(at.dc), at.dc), self.driven: at.F * driven}
+        car = x.rear
+        speed = dot(rotate(self.thrust_axes, car.angle), car.dc) + self.lever * car.dangle[..., 0]  # of where F acts
+        return {"drag": dot(self.drag_force(car.dc), car.dc), self.driven: car.F * speed}
