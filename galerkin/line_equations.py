@@ -108,12 +108,12 @@ class LineEquations:
             dependent.fold_dependent_derivatives(K, Z, self._column)
         return r, K[:, :, : self.size]
 
-    def _add_body_derivatives(self, K: Array, by_values: Array, j: int, by_rows: Array, by_slopes: Array) -> None:
-        """Add the derivatives of a body's rows through contact j to K (3, rows, columns).
+    def _add_body_derivatives(self, K: Array, by_values: Array, contact: int, by_rows: Array, by_slopes: Array) -> None:
+        """Add the derivatives of a body's rows through one contact to K (3, rows, columns).
 
         by_values : by the values of `ContactState` there (rows, 26);  by_rows, by_slopes : of these by coordinates
         """
-        layout = self.layout
+        layout, j = self.layout, contact
         columns = self._column[layout.columns]
         if j > 0:
             K[:, :, columns[j - 1]] += by_values[:, 0:2] @ by_rows[:, j - 1, -1]

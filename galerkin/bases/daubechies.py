@@ -29,11 +29,12 @@ DEEPEST = -3  # phi_m for m = 1 .. -3
 # --- the scaling function, once per order ----------------------------------------------------------------------
 
 
-def _mask_factor_without_zeros(p: int) -> np.ndarray:
+def _mask_factor_without_zeros(order: int) -> np.ndarray:
     """Return the factor q without zeros at z = -1 of h(z) = 2 ((1 + z)/2)^p q(z), shape (p,), from PyWavelets' filter.
 
     One Newton step takes q back to |q|^2 = sum_k binom(p-1+k, k) y^k, y = (2 - z - 1/z)/4 (Daubechies 1988).
     """
+    p = order
     target = np.zeros(2 * p - 1)
     power = np.ones(1)
     for k in range(p):
@@ -74,13 +75,14 @@ class _MotherFunctions(NamedTuple):
     right: np.ndarray  # the same of int_-inf^0
 
 
-def _cholesky_factors_of_cut_grams(h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _cholesky_factors_of_cut_grams(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Factors `left` and `right` of `_MotherFunctions`: gram matrices of shifts of phi that an end of the cable cuts.
 
     W = (H W H^T + B B^T)/2, H = taps that stay cut, B = taps inside; summed by doubling (Smith 1968).
     """
-    R = h.size - 1
-    taps = np.array([[h[t - 2 * l] if 0 <= t - 2 * l <= R else 0.0 for t in range(1 - R, R)] for l in range(1 - R, 0)])
+    R = mask.size - 1
+    k = np.arange(1 - R, R) - 2 * np.arange(1 - R, 0)[:, None]  # t - 2 l
+    taps = np.where((k >= 0) & (k <= R), mask[np.clip(k, 0, R)], 0.0)
     step = taps[:, : R - 1] / sqrt(2.0)
     W = taps[:, R - 1 :] @ taps[:, R - 1 :].T / 2
     for _ in range(8):
@@ -90,7 +92,9 @@ def _cholesky_factors_of_cut_grams(h: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 @lru_cache(maxsize=16)
-def _mother_functions(p: int) -> _MotherFunctions:
+def _mother_functions(order: int) -> _MotherFunctions:
+    """The tables of an order."""
+    p = order
     R = 2 * p - 1
     q = _mask_factor_without_zeros(p)
     tables = {}
@@ -200,11 +204,11 @@ def _sums_of_shifts_from_derivative(order: int, level: int, c: np.ndarray) -> _S
     return _SumsOfShifts(order, level, family)
 
 
-def _refined_coefficients(c: np.ndarray, h: np.ndarray, cells: int) -> np.ndarray:
+def _refined_coefficients(c: np.ndarray, mask: np.ndarray, cells: int) -> np.ndarray:
     """Coefficients of sum_l c_l phi(y - l) in phi(2y - l)."""
-    R = h.size - 1
+    R = mask.size - 1
     fine = np.zeros((2 * len(c) + R, c.shape[1]))
-    for i, tap in enumerate(h):
+    for i, tap in enumerate(mask):
         fine[i : i + 2 * len(c) : 2] += tap * c
     return fine[R - 1 : R - 1 + 2 * cells + R - 1]
 

@@ -27,28 +27,28 @@ class InertiaTerms(NamedTuple):
 
 @inner
 def _hat_overlap_with_derivatives(
-    phi: float, first: float, second: float, left: float, chord: float, s_o: float
+    phi: float, primitive: float, second_primitive: float, left: float, chord: float, s_o: float
 ) -> tuple[float, float, float]:
     """I, I', I'' of `KinkedBasis` from phi and its two primitives at s_o; I'' at s_o = 0 is not needed and 0."""
     if s_o == 0.0:
-        return chord - first, chord - first, 0.0
+        return chord - primitive, chord - primitive, 0.0
     w = s_o * (1.0 - s_o)
     dw = 1.0 - 2.0 * s_o
-    value = (left + s_o * chord - second) / w
-    slope = (chord - first - dw * value) / w  # from I w = -E
+    value = (left + s_o * chord - second_primitive) / w
+    slope = (chord - primitive - dw * value) / w  # from I w = -E
     return value, slope, (2.0 * (value - dw * slope) - phi) / w
 
 
 @compiled
 def _hat_overlaps_with_derivatives(
-    phi: Array, first: Array, second: Array, left: Array, chord: Array, s_o: Array
+    phi: Array, primitive: Array, second_primitive: Array, left: Array, chord: Array, s_o: Array
 ) -> Array:
     """The same for functions (m, n) at m positions s_o, (3, m, n)."""
     out = np.empty((3, *phi.shape))
     for i in range(s_o.size):
         for k in range(phi.shape[1]):
             out[0, i, k], out[1, i, k], out[2, i, k] = _hat_overlap_with_derivatives(
-                phi[i, k], first[i, k], second[i, k], left[k], chord[k], s_o[i]
+                phi[i, k], primitive[i, k], second_primitive[i, k], left[k], chord[k], s_o[i]
             )
     return out
 
