@@ -395,13 +395,13 @@ class _LineFiles:
         if name == "clearance":
             return [float(min(np.min(values) for values in self._clearances_of_body_over_obstacle(kind, of)))]
         if name == "safety_factor":
-            tensions = _average_if_force("tension", self._columns_by_quantity["tension"], self.t, self.period)
+            tensions = _averaged_if_force("tension", self._columns_by_quantity["tension"], self.t, self.period)
             values = self.line.data["cable"]["breaking_load"] / tensions
         else:
             columns = self._columns_by_quantity[f"{name}:{of}" if of else name]
-            values = _average_if_force(name, columns, self.t, self.period)
+            values = _averaged_if_force(name, columns, self.t, self.period)
         if name in ("grip", "contact") and "drive" not in self.line.cars[of]:
-            values = _average_if_force(name, values, self.t, self.period)  # a car that grips rings: means of means
+            values = _averaged_if_force(name, values, self.t, self.period)  # a car that grips rings: means of means
         now = self.t == self.t[np.argmin(np.abs(self.t - number["t"]))]
         pick = np.max if word == "max" else np.min
         return [float(pick(values)), float(pick(values[:, now]))]
@@ -460,7 +460,7 @@ COLUMN_OF_QUANTITY = {
 }  # fmt: skip
 
 
-def _average_if_force(name: str, values: Any, t: Array, period: float) -> Array:
+def _averaged_if_force(name: str, values: Any, t: Array, period: float) -> Array:
     """Series (k, n) of a kind; those of forces averaged over a period, "load" as the length of its vector."""
     if name.startswith(("tension", "haul", "grip", "contact", "load", "wheel", "stress")):
         values = [_moving_mean(t, v, period) for v in values]

@@ -334,7 +334,7 @@ def recomputed_outcome_row(r: Response, counterpart: Response | None, kind: str,
     bars = {row["quantity"]: row["bar"] or 0.0 for row in r.design}
     right.parts = _obstacle_hit_sentences(readings, bars)
     if "safety_factor_min" in bars:
-        _add_broken_rope(right, readings, bars["safety_factor_min"])
+        _add_broken_rope_to(right, readings, bars["safety_factor_min"])
     return _recomputed_row(r, "outcome", "", 0.0 if right.matches(kind, sentence) else 1.0, ROUNDING)
 
 
@@ -416,7 +416,7 @@ def _obstacle_hit_sentences(readings: RecomputedNumbers, bars: dict[str, float])
     return [words + " and ".join(names) for words, names in parts.items() if names]
 
 
-def _add_broken_rope(right: ExpectedOutcome, readings: RecomputedNumbers, bar: float) -> None:
+def _add_broken_rope_to(right: ExpectedOutcome, readings: RecomputedNumbers, bar: float) -> None:
     """Put a breaking rope into what an outcome must say."""
     factor = readings.number("safety_factor_min")
     assert factor is not None

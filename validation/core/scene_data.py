@@ -24,15 +24,15 @@ def read_csv_columns(file: Path) -> dict[str, Array]:
     return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
 
 
-def si_factor(printed: str, unit: str) -> float:
+def si_factor(printed_unit: str, unit: str) -> float:
     """What a number in a printed unit, or in none, is multiplied by to be in `unit`; nan if they do not fit."""
-    if (printed, unit) in FACTORS:
-        return FACTORS[printed, unit]
-    if printed in ("", unit):
+    if (printed_unit, unit) in FACTORS:
+        return FACTORS[printed_unit, unit]
+    if printed_unit in ("", unit):
         return 1.0
-    if unit == "" or not printed.endswith(unit):
+    if unit == "" or not printed_unit.endswith(unit):
         return math.nan
-    return PREFIXES.get(printed.removesuffix(unit), math.nan)
+    return PREFIXES.get(printed_unit.removesuffix(unit), math.nan)
 
 
 def ice_mass_per_length(cable: dict[str, Any]) -> float:

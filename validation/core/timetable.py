@@ -18,7 +18,7 @@ def start_position(travel: dict[str, Any], drive: dict[str, Any], length: float)
     return float(travel.get("from", drive.get("start", default)))
 
 
-def _distance(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
+def _travel_distance(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
     """Of the whole travel [m]."""
     end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
     return travel.get("to", end) - start_position(travel, drive, length)
@@ -27,7 +27,7 @@ def _distance(travel: dict[str, Any], drive: dict[str, Any], length: float) -> f
 def positions_at(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Array) -> Array:
     """s_o (n,) [m] at times t (n,), tables excepted."""
     start = start_position(travel, drive, length)
-    speed, stretches = _start_speed_and_stretches(travel, _distance(travel, drive, length))
+    speed, stretches = _start_speed_and_stretches(travel, _travel_distance(travel, drive, length))
     if "stop" not in travel:
         return _position_and_speed(start, speed, stretches, t)[0]
     begin = travel["stop"]["time"]
@@ -39,7 +39,7 @@ def positions_at(travel: dict[str, Any], drive: dict[str, Any], length: float, t
 
 def accelerations_at_stretch_ends(travel: dict[str, Any], drive: dict[str, Any], length: float) -> Array:
     """Accelerations at both ends of each stretch (n,) [m/s2], tables excepted; a stop counts."""
-    _, stretches = _start_speed_and_stretches(travel, _distance(travel, drive, length))
+    _, stretches = _start_speed_and_stretches(travel, _travel_distance(travel, drive, length))
     rates = [0.0]
     for duration, a, jerk in stretches:
         rates += [a, a + jerk * duration if jerk else a]

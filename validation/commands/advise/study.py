@@ -35,7 +35,14 @@ from validation.core.measures import JUMP_WIDTH, NotComparable, rms_tension_gap,
 from validation.core.methods import METHODS, find_method
 from validation.core.order import FIRST
 from validation.core.quasi_static import Statics, quasi_static
-from validation.core.refine import BUDGET, Gap, TooCoarse, bar_parts_of_gap, refine_to_tolerance, refine_until_goal_met
+from validation.core.refine import (
+    BUDGET,
+    Gap,
+    TooCoarse,
+    gap_bars_in_space_and_time,
+    refine_to_tolerance,
+    refine_until_goal_met,
+)
 from validation.core.rows import tolerance_of_kind
 from validation.core.running import run
 from validation.core.sidebyside import Progress, no_progress
@@ -132,7 +139,7 @@ def advice(scene: Scene, tol: float, report: Progress = no_progress) -> dict[str
     view = View.of_scene(scene)
     ladder = _refine_full_model(scene, view, tol, tolerances, report)
     full = ladder.finest
-    bars = {need: sum(bar_parts_of_gap(ladder, view, *NEEDS[need])) for need in tolerances}
+    bars = {need: sum(gap_bars_in_space_and_time(ladder, view, *NEEDS[need])) for need in tolerances}
     rungs = [Rung("full", "mass", full.seconds, bars, full)]
     if all(map(math.isfinite, bars.values())):
         view = view.cut_to_valid_range(full)
@@ -177,7 +184,7 @@ def _refine_full_model(scene: Scene, view: View, tol: float, tolerances: dict[st
     def worst_goal(ladder: Ladder) -> Goal:
         """The need whose bar exceeds its share most."""
         goals = [
-            Goal(bar_parts_of_gap(ladder, view, *NEEDS[need]), SHARE * limit, FIRST)
+            Goal(gap_bars_in_space_and_time(ladder, view, *NEEDS[need]), SHARE * limit, FIRST)
             for need, limit in tolerances.items()
         ]
         return max(goals, key=attrgetter("excess"))
