@@ -76,7 +76,9 @@ class Contact(Part):
         described_field("[N/m] of a spring along x and down", None)
     )
     shoe: Positive | None = described_field(
-        "[m] to either side of a saddle: a car within rests on it, or runs over it", None
+        "[m] to either side of a saddle: a car within rests on it, or runs over it along curves y(x) of degree five, "
+        "which have slope and curvature of its path on the rope at both ends",
+        None,
     )
 
     def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:

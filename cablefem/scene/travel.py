@@ -25,14 +25,14 @@ from cablefem.scene.motion import Motion, Piece
 
 AT_REST = 1e-3  # of the largest speed: a first or last speed below counts as rest
 ROUNDING = 1e-9  # of the length or the largest speed: nearer, a travel ends on the support, or at rest
-ALONG = "along the cable, in x if hauled on several spans"  # what positions of a travel are
+ALONG = "along the cable, in x if hauled on several spans"  # what positions and speeds of a travel are
 
 
 class Stop(Part):
     """Emergency stop: constant deceleration from `time` on."""
 
     time: Positive = described_field("[s] at which the stop begins")
-    deceleration: Positive = described_field("[m/s2] until the mass stands")
+    deceleration: Positive = described_field(f"[m/s2] until the mass stands: {ALONG}")
 
 
 class Law(Part):
@@ -113,7 +113,7 @@ class ConstantSpeed(Law):
     """s_o = V t (the paper), or after an entry ramp of length L, T = 3 L/(2 V): s_o = V T (x^2 - x^3/3), x = t/T."""
 
     kind: Literal["constant_speed"] = described_field("[-] law of travel", "constant_speed")
-    speed: Positive = described_field("[m/s] V")
+    speed: Positive = described_field(f"[m/s] V: {ALONG}")
     entry_ramp: Positive | None = described_field("[m] L, over which the mass comes to its speed", None)
 
     def fields_fault(self, distance: float) -> str:
@@ -138,8 +138,8 @@ class ConstantAcceleration(Law):
     """s_o = V_o t + a t^2/2 up to the far support."""
 
     kind: Literal["constant_acceleration"] = described_field("[-] law of travel", "constant_acceleration")
-    acceleration: Real = described_field("[m/s2] a")
-    initial_speed: NonNegative = described_field("[m/s] V_o", 0.0)
+    acceleration: Real = described_field(f"[m/s2] a: {ALONG}")
+    initial_speed: NonNegative = described_field(f"[m/s] V_o: {ALONG}", 0.0)
 
     def fields_fault(self, distance: float) -> str:
         """What is wrong with the fields of this law over a distance [m]; empty if nothing is."""
@@ -170,7 +170,7 @@ class AccelerateCruiseBrake(Law):
         "[-] law of travel: the paper's (40), a third of the way each; `trapezoid` takes accelerations",
         "accelerate_cruise_brake",
     )
-    top_speed: Positive = described_field("[m/s] V_max")
+    top_speed: Positive = described_field(f"[m/s] V_max: {ALONG}")
 
     def motion_without_stop(self, distance: float) -> Motion:
         """a = 3 V^2/(2 l), durations 2l/3V, l/3V, 2l/3V."""
@@ -187,9 +187,9 @@ class Trapezoid(Law):
     """
 
     kind: Literal["trapezoid"] = described_field("[-] law of travel", "trapezoid")
-    top_speed: Positive = described_field("[m/s] largest speed")
-    acceleration: Positive = described_field("[m/s2] at the start")
-    deceleration: Positive = described_field("[m/s2] at the end")
+    top_speed: Positive = described_field(f"[m/s] largest speed: {ALONG}")
+    acceleration: Positive = described_field(f"[m/s2] at the start: {ALONG}")
+    deceleration: Positive = described_field(f"[m/s2] at the end: {ALONG}")
     jerk: Positive | None = described_field(
         "[m/s3] largest change of the acceleration; without it the acceleration jumps", None
     )

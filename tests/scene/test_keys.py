@@ -45,6 +45,19 @@ def test_keys_of_a_travel_stand_once_and_name_the_axis_of_lines_of_several_spans
         assert "along the cable, in x if hauled on several spans" in positions[name]
 
 
+def test_speeds_and_accelerations_of_a_travel_name_the_axis_too():
+    rates = [x for x in list_keys(Line) if x.name.startswith("car.0.travel.") and x.unit in ("m/s", "m/s2")]
+    assert {x.name.rpartition(".")[2] for x in rates} >= {"speed", "top_speed", "acceleration", "deceleration"}
+    for key in rates:
+        assert "along the cable, in x if hauled on several spans" in key.meaning, key.name
+
+
+def test_the_key_of_a_shoe_says_on_what_curve_a_car_runs_there():
+    shoe = next(key for key in list_keys(Line) if key.name == "contact.0.shoe")
+    for words in ("degree five", "slope and curvature"):
+        assert words in shoe.meaning
+
+
 def test_a_printed_key_is_taken_by_replace():
     scene = Scene.from_toml(FREE + "brake = [{from = 280.0, force = 300.0}]" + OBSTACLES)
     for name in ("mass.mass", "drive.brake.0.force", "obstacle.0.top", "supports.drop"):
