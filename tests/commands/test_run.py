@@ -196,6 +196,18 @@ def test_a_grid_of_scenes_is_a_table_and_a_page(cablefem):
     assert "1 of 4 got stuck, 2 of 4 stopped in the brake, 1 of 4 arrived." in page
 
 
+def test_outcome_and_table_round_a_position_alike(cablefem):
+    masses = ("--set", "mass.mass=50:70:21")
+    code, out, _ = cablefem("run", "zipline", "--model", "quasi-static", *masses, "--out", "x")
+    assert code == 0
+    stopped = re.findall(r"stops in the brake at ([\d.]+) m, .* after [\d.]+ s +[\d.]+ +([\d.]+)", out)
+    assert len(stopped) > 3
+    for outcome, table in stopped:
+        assert table == outcome
+    page = Path("x/report.html").read_text()
+    assert all(page.count(table) >= 2 for _, table in stopped)  # outcome and table
+
+
 def test_one_value_overrides_the_scene(cablefem):
     assert cablefem("run", "zipline", "--model", "quasi-static", "--set", "mass.mass=50", "--out", "x")[0] == 0
     summary = json.loads(Path("x/quasi-static/summary.json").read_text())

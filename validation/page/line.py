@@ -98,7 +98,7 @@ def table_columns_with_outcome(rows: Sequence[Row], keys: Sequence[str], number_
     for name in ("outcome", "status", *LIMITS, "verdict", "why"):
         if {row.get(name) for row in rows} - {None, "complete"}:
             heads[name] = name
-    return {name: Column(head, digits=6) for name, head in heads.items()}
+    return {name: Column(head, spec=".6g") for name, head in heads.items()}
 
 
 def _column_heading(name: str) -> str:

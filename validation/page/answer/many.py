@@ -33,6 +33,7 @@ from validation.page.scene_keys import scene_keys_table
 from validation.page.side_view import at_most_300_indices, six_digits
 
 DASHES = ("", DASHED, DOTTED, "8 3 2 3")  # one for each value of the keys after the first
+POSITIONS = ("rests_at_m", "farthest_m")
 LIMITS = ("limits_met", "limits_worst")
 Row = dict[str, Any]
 HEADS = {
@@ -68,7 +69,7 @@ class Column:
 
     head: str
     factor: float = 1.0
-    digits: int = 4
+    spec: str = ".4g"
 
     def cell_text(self, value: Any) -> str:
         """Text of a value; a missing one is empty."""
@@ -76,7 +77,7 @@ class Column:
             return "-"
         if isinstance(value, bool | str | list):
             return str(value)
-        return f"{self.factor * value:.{self.digits}g}"
+        return format(self.factor * value, self.spec)
 
 
 Columns = dict[str, Column]
@@ -89,10 +90,11 @@ def answer_table_row(scene: Scene, r: Response, verdict: str | None = None) -> R
     if r.drive == "free":
         events = {e["event"]: e for e in reversed(r.events)}  # the first of each kind
         arrival = events.get("brake") or events.get("arrival")
-        out["arrival_km_h"] = None if arrival is None else round(3.6 * arrival["speed"], 2)
+        out["arrival_km_h"] = None if arrival is None else 3.6 * arrival["speed"]
         rests = end.kind in ("stuck", "stopped_by_brake")
-        out["rests_at_m"] = round(float(r.s_o[-1]), 2) if rests else None
-        out["farthest_m"] = round(float(r.s_o.max()), 2)
+        stops = [e["s_o"] for e in r.events if e["event"] == "stop"]
+        out["rests_at_m"] = stops[-1] if rests else None
+        out["farthest_m"] = float(r.s_o.max())
     out |= _worst_table_numbers(r.design) | limits.worst_limit_columns(limits.limit_rows(scene, r.design, r.events))
     if verdict is not None:
         out["verdict"] = verdict
@@ -179,13 +181,15 @@ def _print_grid_table(rows: list[Row], columns: Columns) -> None:
 def run_table_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table of runs: varied values, outcomes, common numbers, verdicts."""
     out = {key: Column(key) for key in keys}
-    for name in ("outcome", "arrival_km_h", "rests_at_m", "farthest_m", *NUMBERS, *LIMITS, "verdict"):
+    for name in ("outcome", "arrival_km_h", *POSITIONS, *NUMBERS, *LIMITS, "verdict"):
         values = [x[name] for x in rows if x.get(name) is not None]
         if not values:
             continue
         if name.startswith(("tension", "haul")):
             factor, unit = factor_and_prefixed_unit(np.array(values), "N")
             out[name] = Column(f"{quantity_words(name)} [{unit}]", factor)
+        elif name in POSITIONS:
+            out[name] = Column(HEADS[name], spec=".1f")  # as outcomes say them
         else:
             out[name] = Column(HEADS.get(name) or quantity_words(name))
     return out
