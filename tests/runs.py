@@ -15,7 +15,7 @@ INCLINED = Scene.load("inclined").groups
 CRUISE = Scene.load("cruise").groups
 
 
-def cable(*, mu: float, sigma: float, c: float, alpha: float, speed: float) -> Groups:
+def crossed_cable(*, mu: float, sigma: float, c: float, alpha: float, speed: float) -> Groups:
     """Return a cable whose chord follows from (sigma, c): level with c = sigma/2."""
     g = replace(LEVEL, mu=mu, sigma=sigma, alpha=alpha, c=c, motion=ConstantSpeed(speed=speed).motion(1.0))
     x, y = g.coordinates(1.0)
@@ -24,11 +24,11 @@ def cable(*, mu: float, sigma: float, c: float, alpha: float, speed: float) -> G
 
 
 MODELS = ("full", "string", "sagged", "stretching")
-STEEP = cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
+STEEP = crossed_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
 DAMPED = replace(STEEP, damping=0.83)
 
 
-def march(system, steps, method="trapezoidal", *, until=1.0, **kw):
+def march_with_positions(system, steps, method="trapezoidal", *, until=1.0, **kw):
     """Return the stacked states of a run up to s_o = until, and s_o."""
     states = []
     for x in integrate(system, scheme(method, **kw), step_times_by_phase(system, steps)):
@@ -36,15 +36,15 @@ def march(system, steps, method="trapezoidal", *, until=1.0, **kw):
         if system.motion.position_with_rates(x.t, x.phase)[0] > until:
             break
     s_o = np.array([system.motion.position_with_rates(x.t, x.phase)[0] for x in states])
-    return stack(states), s_o
+    return stack_states(states), s_o
 
 
-def stack(states):
+def stack_states(states):
     """Return a list of states as one history."""
     return States(*(np.array([getattr(x, name) for x in states]) for name in ("t", "q", "v", "a", "phase")))
 
 
-def evaluate(ref, x):
+def basis_values_and_derivatives(ref, x):
     """Return (dofs, values, d/dx), each (n_loc, ...), of a reference at x in [-1, 1]; at a knot those behind it."""
     e = np.clip(np.searchsorted(ref.knots, x) - 1, 0, ref.knots.size - 2)
     length = np.diff(ref.knots)[e]
@@ -56,9 +56,9 @@ def observe(system, states, s=(), frames=()):
     return system.observe(states, np.asarray(s, float), np.asarray(frames, int))
 
 
-def path_error(system, steps, exact, method="trapezoidal", *, until=0.8, **kw):
+def largest_and_rms_path_error(system, steps, exact, method="trapezoidal", *, until=0.8, **kw):
     """Return the largest and the rms error of v(s_o) on 0.02 <= s_o <= until over the largest exact v; exact(t)."""
-    states, s_o = march(system, steps, method, until=until, **kw)
+    states, s_o = march_with_positions(system, steps, method, until=until, **kw)
     inside = (s_o >= 0.02) & (s_o <= until)
     assert inside.sum() > 20
     v, reference = observe(system, states).path[inside, 1], exact(states.t[inside])
@@ -66,7 +66,7 @@ def path_error(system, steps, exact, method="trapezoidal", *, until=0.8, **kw):
     return float(np.abs(error).max()), float(np.sqrt(np.mean(error**2)))
 
 
-def orders(errors):
+def observed_orders(errors):
     """Return log2 of the ratios of successive errors; a ladder halves its step sizes."""
     errors = np.asarray(errors)
     return np.log2(errors[:-1] / errors[1:])

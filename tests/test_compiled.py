@@ -14,7 +14,7 @@ USER = (
 )
 
 
-def fresh(name):
+def freshly_imported(name):
     """Return the function as a new process would import it."""
     for module in [module for module in sys.modules if module.partition(".")[0] == name]:
         del sys.modules[module]
@@ -37,12 +37,12 @@ def test_a_law_that_changes_is_not_missed_by_who_has_taken_it_in(tmp_path, monke
     (folder / "user.py").write_text(USER.format(package=name))
     law = f"from {name} import compiled\n\n@compiled\ndef law(x):\n    return x + {{}}\n"
     (folder / "law.py").write_text(law.format(1))
-    assert fresh(name)(3) == 8
-    again = fresh(name)
+    assert freshly_imported(name)(3) == 8
+    again = freshly_imported(name)
     assert again(3) == 8
     assert again.stats.cache_hits
     (folder / "law.py").write_text(law.format("10  # changed"))
-    assert (fresh(name)(3) == 26) is whole
+    assert (freshly_imported(name)(3) == 26) is whole
 
 
 def test_an_inner_function_serves_compiled_ones_and_refuses_others():

@@ -47,10 +47,10 @@ def test_every_command_of_the_table_exists_and_none_is_missing():
 
     from validation.cli import app
 
-    assert named() == set(get_command(app).commands)
+    assert commands_named_in_readme() == set(get_command(app).commands)
 
 
-def named():
+def commands_named_in_readme():
     return set(re.findall(r"`cablefem (\w+)", README))
 
 
@@ -58,5 +58,5 @@ def test_continuous_integration_runs_every_command_on_real_input():
     script = (Path(__file__).parent.parent / ".ci" / "commands").read_text(encoding="utf-8")
     lines = script.partition("<<'COMMANDS'\n")[2].partition("\nCOMMANDS")[0].splitlines()
     assert "report --quick" in lines
-    not_run = named() - {line.split()[0] for line in lines} - {part[0] for part in QUICK_PARTS}
+    not_run = commands_named_in_readme() - {line.split()[0] for line in lines} - {part[0] for part in QUICK_PARTS}
     assert not not_run

@@ -34,7 +34,7 @@ print(total(10_000))
 """
 
 
-def run(folder: Path, **environment: str) -> list[str]:
+def printed_by_new_process(folder: Path, **environment: str) -> list[str]:
     """Lines that `RUN` prints in a new process, which compiles into a cache in the folder."""
     paths = os.pathsep.join([str(folder), *sys.path])
     settings = os.environ | {"PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(folder / "cache")} | environment
@@ -44,17 +44,17 @@ def run(folder: Path, **environment: str) -> list[str]:
 
 def test_functions_of_a_wheel_are_not_compiled_again_on_another_processor(tmp_path):
     (tmp_path / "loops.py").write_text(LOOPS)
-    compiles, total = run(tmp_path, NUMBA_CPU_NAME=wheel.PROCESSOR, NUMBA_CPU_FEATURES="")
+    compiles, total = printed_by_new_process(tmp_path, NUMBA_CPU_NAME=wheel.PROCESSOR, NUMBA_CPU_FEATURES="")
     assert compiles == "compiles"
     (tmp_path / compiled.SHIPPED).mkdir()
     for ending in ("nbi", "nbc"):
         for path in (tmp_path / "cache").rglob(f"*.{ending}"):
             path.rename(tmp_path / compiled.SHIPPED / path.name)
     shutil.rmtree(tmp_path / "cache")
-    assert run(tmp_path) == [total]
+    assert printed_by_new_process(tmp_path) == [total]
     # functions of other source are compiled
     (tmp_path / "loops.py").write_text(LOOPS.replace("1.0 + i", "2.0 + i"))
-    assert run(tmp_path)[0] == "compiles"
+    assert printed_by_new_process(tmp_path)[0] == "compiles"
 
 
 def test_a_processor_without_their_features_compiles():

@@ -16,7 +16,7 @@ def level_check():
 
 
 @pytest.fixture
-def unanimated(monkeypatch):
+def without_animation(monkeypatch):
     """Write no animation, half of the time of a short run; tests/commands/test_readback.py reads them."""
     from validation.page import paraview
 
@@ -24,7 +24,7 @@ def unanimated(monkeypatch):
 
 
 @pytest.fixture
-def checked(monkeypatch, unanimated, level_check):
+def instant_check(monkeypatch, without_animation, level_check):
     """Let `check` find at once what it found before, and write the verdict alone: only the command is tested here.
 
     Returns a function that changes what it finds.

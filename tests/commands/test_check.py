@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from tests.commands.calls import BROKEN, lines
+from tests.commands.calls import BROKEN, fault_lines
 from tests.commands.test_lines import FEW
 from validation.commands.check import selftest
 from validation.core.agreement import no_bound
@@ -41,7 +41,7 @@ def test_check_agrees_and_leaves_everything_in_its_folder(cablefem, tmp_path):
     assert Scene.from_toml((folder / "scene.toml").read_text()).groups == Scene.load("level").groups
 
 
-@pytest.mark.usefixtures("checked")
+@pytest.mark.usefixtures("instant_check")
 def test_check_holds_a_third_party_against_ours(cablefem):
     code, out, _ = cablefem("check", "level", "--with", DATA / "exudyn_level.csv", "--tol", "2e-2", "--verbose")
     assert code == 0
@@ -57,32 +57,32 @@ def test_check_holds_a_third_party_against_ours(cablefem):
     assert not Path("cablefem-out/level/with.csv").exists()
 
 
-def planted(tmp_path, factor):
+def write_scaled_path(tmp_path, factor):
     rows = np.loadtxt(DATA / "opensees_level.csv", delimiter=",", skiprows=1)
     rows[:, 3] *= factor
     np.savetxt(tmp_path / "off.csv", rows, delimiter=",", header="t_s,s_o_over_l,u_over_l,v_over_l_down")
     return tmp_path / "off.csv"
 
 
-@pytest.mark.usefixtures("checked")
+@pytest.mark.usefixtures("instant_check")
 def test_a_third_party_that_is_off_is_1_and_flagged(cablefem, tmp_path):
-    code, out, _ = cablefem("check", "level", "--with", planted(tmp_path, 1.05), "--with-tol", "1e-2")
+    code, out, _ = cablefem("check", "level", "--with", write_scaled_path(tmp_path, 1.05), "--with-tol", "1e-2")
     assert code == 1
     assert "off.csv: DISAGREES with both" in out
     assert "path_max off.csv" in out
 
 
-@pytest.mark.usefixtures("checked")
+@pytest.mark.usefixtures("instant_check")
 def test_a_third_party_with_v_up_is_named_and_nothing_is_written(cablefem, tmp_path):
-    code, _, err = cablefem("check", "level", "--with", planted(tmp_path, -1.0))
+    code, _, err = cablefem("check", "level", "--with", write_scaled_path(tmp_path, -1.0))
     assert code == 2
-    assert "off.csv: v points the other way" in lines(err)[0]
-    assert "if multiplied by -1 " in lines(err)[0]
+    assert "off.csv: v points the other way" in fault_lines(err)[0]
+    assert "if multiplied by -1 " in fault_lines(err)[0]
     assert not Path("cablefem-out").exists()
 
 
 @pytest.mark.parametrize(("verdict", "code"), [("disagree", 1), ("not comparable", 1), ("too coarse", 1), ("agree", 0)])
-def test_the_exit_code_of_a_check_is_its_verdict(cablefem, checked, level_check, verdict, code):
+def test_the_exit_code_of_a_check_is_its_verdict(cablefem, instant_check, level_check, verdict, code):
     first, *rest = level_check.rows
     other = {
         "agree": first,
@@ -90,7 +90,7 @@ def test_the_exit_code_of_a_check_is_its_verdict(cablefem, checked, level_check,
         "not comparable": dataclasses.replace(first, bound=no_bound("nothing to compare")),
         "too coarse": dataclasses.replace(first, required=1e-9),
     }[verdict]
-    checked(rows=[other, *rest])
+    instant_check(rows=[other, *rest])
     found, out, _ = cablefem("check", "level")
     assert found == code
     words = {
@@ -101,9 +101,9 @@ def test_the_exit_code_of_a_check_is_its_verdict(cablefem, checked, level_check,
     assert json.loads(Path("cablefem-out/level/agreement.json").read_text())["verdict"] == verdict
 
 
-def test_a_bar_that_may_be_too_small_is_1_and_said(cablefem, checked, level_check):
+def test_a_bar_that_may_be_too_small_is_1_and_said(cablefem, instant_check, level_check):
     run = with_flag(level_check.b.finest, "hidden slack", least=-0.02, since=0.3, at=0.9)
-    checked(b=dataclasses.replace(level_check.b, finest=run))
+    instant_check(b=dataclasses.replace(level_check.b, finest=run))
     code, out, _ = cablefem("check", "level")
     assert code == 1
     assert "fourier-kink: points of the cable are under compression" in out
@@ -111,13 +111,13 @@ def test_a_bar_that_may_be_too_small_is_1_and_said(cablefem, checked, level_chec
     assert (agreement["verdict"], [x["kind"] for x in agreement["doubts"]]) == ("agree", ["hidden slack"])
 
 
-def test_a_check_with_a_run_that_broke_is_2(cablefem, checked, level_check):
+def test_a_check_with_a_run_that_broke_is_2(cablefem, instant_check, level_check):
     whole = level_check.b.finest
     run = dataclasses.replace(whole, **BROKEN, slack_onset=None, cause="Newton stalled", s_o=0.5 * whole.s_o)
-    checked(b=dataclasses.replace(level_check.b, finest=run))
+    instant_check(b=dataclasses.replace(level_check.b, finest=run))
     code, _, err = cablefem("check", "level")
     assert code == 2
-    assert lines(err)[0].startswith("fourier-kink broke with the car at ")
+    assert fault_lines(err)[0].startswith("fourier-kink broke with the car at ")
 
 
 INCLINED, TWO_SPAN = ("inclined", "--tol", "0.1"), ("two-span", *FEW)

@@ -9,7 +9,7 @@ import pytest
 
 from cablefem import Scene
 from cablefem.scene.line import Line
-from tests.commands.calls import QUICK, lines, tree
+from tests.commands.calls import QUICK, fault_lines, file_contents
 from validation import cli
 
 COMMANDS = (
@@ -78,11 +78,11 @@ def test_every_command_has_help_with_an_example_and_says_where_it_writes(cablefe
 def test_bad_input_is_one_clear_line_per_fault_and_2_and_nothing_is_written(cablefem, tmp_path, arguments, said):
     code, out, err = cablefem(*arguments)
     assert (code, out) == (2, "")
-    found = lines(err)
+    found = fault_lines(err)
     for part in said:
         assert sum(part in line for line in found) == 1, (part, found)
     assert len(found) <= len(said)
-    assert tree(tmp_path) == {}
+    assert file_contents(tmp_path) == {}
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_a_bad_scene_file_is_told_fault_by_fault_with_its_name(cablefem, tmp_pat
     (tmp_path / "bad.toml").write_text(text)
     code, out, err = cablefem("check", "bad.toml")
     assert (code, out) == (2, "")
-    found = lines(err)
+    found = fault_lines(err)
     assert len(found) == len(said)
     for part in said:
         assert any(part in line and line.startswith("bad.toml: ") for line in found), (part, found)

@@ -14,7 +14,7 @@ from tests.commands.test_lines import FEW
 from validation.commands.methods.files import data_dictionary_entries
 
 
-def known(file):
+def documented_keys(file):
     """Keys of a file in the dictionary, those of its tables as they stand in the file."""
     own = {e.key for e in data_dictionary_entries() if e.file == file}
     for table in ("design[]", "events[]", "limits[]"):
@@ -26,24 +26,26 @@ def known(file):
     return own
 
 
-def keys(content, before=""):
+def dotted_keys(content, before=""):
     if isinstance(content, dict):
         for key, value in content.items():
             yield f"{before}{key}"
-            yield from keys(value, f"{before}{key}.")
+            yield from dotted_keys(value, f"{before}{key}.")
     elif isinstance(content, list):
         for item in content:
-            yield from keys(item, f"{before.removesuffix('.')}[].")
+            yield from dotted_keys(item, f"{before.removesuffix('.')}[].")
 
 
-def unknown(file):
+def undocumented_keys(file):
     """Columns or keys of a file that the dictionary does not have."""
     if file.suffix == ".csv":
         with file.open() as rows:
             written = {name.partition(":")[0] for name in next(csv.reader(rows))}
     else:
-        written = set(keys(json.loads(file.read_text())))
-    patterns = [re.escape(key).replace(r"\*", "[^.]*" if file.suffix == ".json" else ".*") for key in known(file.name)]
+        written = set(dotted_keys(json.loads(file.read_text())))
+    patterns = [
+        re.escape(key).replace(r"\*", "[^.]*" if file.suffix == ".json" else ".*") for key in documented_keys(file.name)
+    ]
     return sorted(name for name in written if not any(re.fullmatch(pattern, name) for pattern in patterns))
 
 
@@ -52,7 +54,7 @@ WRITTEN = ("path.csv", "tension.csv", "profile.csv", "summary.json")
 
 
 @pytest.fixture
-def results(cablefem, unanimated):
+def result_files(cablefem, without_animation):
     """Files of a run of a car that rolls, of a line, of a grid and of a curve; of one answer: test_find.py."""
     Path("begin.toml").write_text(BEGIN)
     assert cablefem("run", "begin.toml", *QUICK, "--out", "run")[0] == 0
@@ -63,8 +65,8 @@ def results(cablefem, unanimated):
     return [file for file in Path().rglob("*.*") if file.name in {e.file for e in data_dictionary_entries()}]
 
 
-def test_every_column_and_key_has_an_entry(results):
-    assert {file.name for file in results} >= {
+def test_every_column_and_key_has_an_entry(result_files):
+    assert {file.name for file in result_files} >= {
         *WRITTEN,
         "positions.csv",
         "agreement.json",
@@ -72,25 +74,25 @@ def test_every_column_and_key_has_an_entry(results):
         "find.json",
         "find.csv",
     }
-    assert {str(file): unknown(file) for file in results} == {str(file): [] for file in results}
+    assert {str(file): undocumented_keys(file) for file in result_files} == {str(file): [] for file in result_files}
 
 
 def test_a_new_key_is_seen(tmp_path):
     (tmp_path / "summary.json").write_text('{"scene": "a", "sway": 1.0, "design": [{"value": 1.0, "mean": 2.0}]}')
-    assert unknown(tmp_path / "summary.json") == ["design[].mean", "sway"]
+    assert undocumented_keys(tmp_path / "summary.json") == ["design[].mean", "sway"]
     (tmp_path / "path.csv").write_text("t,s_o,pitch\n")
-    assert unknown(tmp_path / "path.csv") == ["pitch"]
+    assert undocumented_keys(tmp_path / "path.csv") == ["pitch"]
 
 
 def test_a_verdict_s_keys_have_an_entry(tmp_path, level_check):
     level_check.write(tmp_path)
-    assert unknown(tmp_path / "agreement.json") == []
+    assert undocumented_keys(tmp_path / "agreement.json") == []
 
 
 def test_an_advice_s_keys_have_an_entry(cablefem, tmp_path):
     Path("begin.toml").write_text(BEGIN)
     assert cablefem("advise", "begin.toml", "--tol", "0.1", "--out", "advice")[0] == 0
-    assert unknown(tmp_path / "advice" / "advice.json") == []
+    assert undocumented_keys(tmp_path / "advice" / "advice.json") == []
 
 
 def test_the_dictionary_has_units_and_no_column_that_is_not_written(cablefem):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import cablefem as cf
-from tests.commands.test_files import unknown
+from tests.commands.test_files import undocumented_keys
 from validation.commands.find.condition import parse_condition
 from validation.core import readback
 from validation.core.quasi_static import quasi_static
@@ -78,21 +78,21 @@ def test_the_speed_from_which_an_emergency_stop_keeps_the_haul_rope_taut():
     assert below * above < 0.0
 
 
-def scaled(at, key, factor=1.01):
+def scale_entry(at, key, factor=1.01):
     at[key] *= factor
 
 
-def at_the_change(x):
+def evaluation_at_change(x):
     return next(row for row in x["evaluations"] if row["value"] == x["changes"][0]["holds_at"])
 
 
 FAULTS = {
-    "value": lambda x: scaled(x["changes"][0], "value"),
-    "first value": lambda x: scaled(x, "value"),
-    "bar": lambda x: scaled(x["changes"][0], "bar"),
-    "number of the check": lambda x: scaled(x["changes"][0]["checked"], 1),
-    "tried value": lambda x: scaled(x["evaluations"][3], "value"),
-    "number that was read": lambda x: scaled(at_the_change(x)["read"][0], 0),
+    "value": lambda x: scale_entry(x["changes"][0], "value"),
+    "first value": lambda x: scale_entry(x, "value"),
+    "bar": lambda x: scale_entry(x["changes"][0], "bar"),
+    "number of the check": lambda x: scale_entry(x["changes"][0]["checked"], 1),
+    "tried value": lambda x: scale_entry(x["evaluations"][3], "value"),
+    "number that was read": lambda x: scale_entry(evaluation_at_change(x)["read"][0], 0),
     "limit": lambda x: x.update(condition="tension_max <= 25.25 kN"),
     "holds": lambda x: x["evaluations"][0].update(holds=False),
     "side": lambda x: x.update(sentence=x["sentence"].replace("at most", "at least")),
@@ -108,7 +108,7 @@ def test_each_planted_fault_of_an_answer_is_seen(cablefem):
     page = Path("x/report.html").read_text()
     printed = out.splitlines()
     assert list(readback.find_faults(Path("x"), page, printed)) == []
-    assert unknown(Path("x/find.json")) == []
+    assert undocumented_keys(Path("x/find.json")) == []
     right = json.loads(Path("x/find.json").read_text())
     for plant in FAULTS.values():
         wrong = json.loads(json.dumps(right))

@@ -7,7 +7,7 @@ import pytest
 
 from cablefem import Scene
 from cablefem.response import Response
-from tests.commands.calls import QUICK, lines, tree
+from tests.commands.calls import QUICK, fault_lines, file_contents
 from validation.commands.modes import study
 from validation.commands.run import study as run_study
 from validation.core import store
@@ -16,12 +16,12 @@ LEVEL = Scene.load("level")
 FOURIER = ("--method", "fourier", "--set", "terms=4", "--set", "steps=40", "--no-bars")
 EDITED = LEVEL.variant(mu=0.9, name="level").to_toml()
 
-pytestmark = pytest.mark.usefixtures("unanimated")
+pytestmark = pytest.mark.usefixtures("without_animation")
 _modes = cache(lambda toml, modes=study.modes: modes(Scene.from_toml(toml)))
 
 
 @pytest.fixture(autouse=True)
-def found_once(monkeypatch):
+def modes_found_once(monkeypatch):
     """Let `modes` find the frequencies of a cable once: where they go is tested here."""
 
     def modes(scene, out, progress):
@@ -36,23 +36,23 @@ def found_once(monkeypatch):
 def test_a_file_of_a_name_that_is_to_be_written_is_refused_and_left_alone(cablefem, tmp_path, name):
     (tmp_path / "full" / "following-p2").mkdir(parents=True)
     (tmp_path / "full" / name).write_text("years of work")
-    before = tree(tmp_path)
+    before = file_contents(tmp_path)
     code, out, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", "full")
     assert (code, out) == (2, "")
-    assert lines(err) == [
+    assert fault_lines(err) == [
         "full holds following-p2, which this version of cablefem did not write; "
         "nothing was written; choose another folder with --out"
     ]
-    assert tree(tmp_path) == before
+    assert file_contents(tmp_path) == before
 
 
 def test_results_stand_beside_files_of_ones_own_and_of_other_commands(cablefem, tmp_path):
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "thesis.tex").write_text("years of work")
     assert cablefem("modes", "level", "--out", "x")[0] == 0
-    before = tree(tmp_path / "x")
+    before = file_contents(tmp_path / "x")
     assert cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")[0] == 0
-    after = tree(tmp_path / "x")
+    after = file_contents(tmp_path / "x")
     assert {name: after[name] for name in ("thesis.tex", "modes.json")} == {
         name: before[name] for name in ("thesis.tex", "modes.json")
     }
@@ -66,10 +66,10 @@ def test_an_edited_scene_replaces_the_results_of_the_same_command(cablefem, tmp_
     (tmp_path / "a.toml").write_text(LEVEL.to_toml())
     assert cablefem("run", "a.toml", *QUICK, "--no-bars")[0] == 0
     assert cablefem("run", "a.toml", *FOURIER)[0] == 0
-    before = tree(tmp_path / "cablefem-out/level")
+    before = file_contents(tmp_path / "cablefem-out/level")
     (tmp_path / "a.toml").write_text(EDITED)
     assert cablefem("run", "a.toml", *QUICK, "--no-bars")[0] == 0
-    after = tree(tmp_path / "cablefem-out/level")
+    after = file_contents(tmp_path / "cablefem-out/level")
     assert not any(name.startswith("fourier/") for name in after)  # it was of the scene before
     assert after["following-p2/path.csv"] != before["following-p2/path.csv"]
 
@@ -82,7 +82,7 @@ def test_what_a_command_did_not_write_outlives_its_results(cablefem, tmp_path):
     assert cablefem("run", "a.toml", *FOURIER, "--out", "x")[0] == 0  # a second time: it does not make them ours
     (tmp_path / "a.toml").write_text(EDITED)
     assert cablefem("run", "a.toml", *QUICK, "--no-bars", "--out", "x")[0] == 0
-    after = tree(tmp_path / "x")
+    after = file_contents(tmp_path / "x")
     assert {name for name in after if not name.startswith("following-p2/")} == {
         "notes.txt", "fourier/notes.txt", "report.html", store.MARKER, ".run.pages.json",
     }  # fmt: skip
@@ -92,15 +92,15 @@ def test_what_a_command_did_not_write_outlives_its_results(cablefem, tmp_path):
 def test_an_edited_scene_leaves_the_results_of_other_commands(cablefem, tmp_path):
     (tmp_path / "a.toml").write_text(LEVEL.to_toml())
     assert cablefem("modes", "a.toml")[0] == 0
-    before = tree(Path("cablefem-out"))
+    before = file_contents(Path("cablefem-out"))
     (tmp_path / "a.toml").write_text(EDITED)
     assert cablefem("run", "a.toml", *QUICK, "--no-bars")[0] == 0
-    after = tree(Path("cablefem-out"))
+    after = file_contents(Path("cablefem-out"))
     assert after["level/modes.json"] == before["level/modes.json"]
     assert store.commands_on_latest_scene(Path("cablefem-out/level")) == ["run"]  # a page shows results of one scene
 
 
-@pytest.mark.usefixtures("checked")
+@pytest.mark.usefixtures("instant_check")
 def test_a_command_replaces_results_of_ours_whose_files_it_writes(cablefem):
     """`run` and then `check` was refused."""
     folder = Path("cablefem-out/level")
@@ -128,7 +128,7 @@ def test_an_interrupted_result_is_taken_up_again(cablefem, monkeypatch):
         patch.setattr(run_study, "run", interrupted)
         code, _, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")
     assert code == 130
-    assert lines(err) == ["interrupted; files that were written are whole, and the command can be given again"]
+    assert fault_lines(err) == ["interrupted; files that were written are whole, and the command can be given again"]
     assert cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")[0] == 0
 
 
@@ -140,7 +140,7 @@ def test_a_folder_that_cannot_be_made_is_said(cablefem, tmp_path, out, said):
     (tmp_path / "file").write_text("mine")
     code, _, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", out)
     assert code == 2
-    assert lines(err) == [said]
+    assert fault_lines(err) == [said]
     assert (tmp_path / "file").read_text() == "mine"
 
 
@@ -157,7 +157,7 @@ def test_a_disk_that_takes_no_more_is_said(cablefem, monkeypatch, owner, name, e
 
     monkeypatch.setattr(owner, name, fails)
     code, _, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")
-    assert (code, lines(err)) == (2, [said])
+    assert (code, fault_lines(err)) == (2, [said])
 
 
 def test_a_marker_that_is_none_makes_no_folder_ours(tmp_path):

@@ -14,7 +14,7 @@ from cablefem.scene.line import Line
 from validation.commands.run.study import rechecked_quasi_static_run
 from validation.core import limits, readback, recomputed
 
-pytestmark = pytest.mark.usefixtures("unanimated")
+pytestmark = pytest.mark.usefixtures("without_animation")
 
 ZIP = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8").split("```toml\n")[1].split("```")[0]
 TEXTS = {
@@ -26,19 +26,19 @@ TRAMWAY = Scene.load("tramway").replace({**TEXTS, "cable.breaking_load": 2.3e6, 
 
 
 @pytest.fixture(scope="module")
-def tramway():
+def tramway_ride_and_limits():
     r = rechecked_quasi_static_run(TRAMWAY)
     return r, limits.limit_rows(TRAMWAY, r.design, r.events)
 
 
-def verdicts(rows):
+def verdict_by_limit(rows):
     return {(row["demand"], row["limit"]): row["verdict"] for row in rows}
 
 
-def test_numbers_of_texts_are_held_against_the_answer(tramway):
-    r, rows = tramway
+def test_numbers_of_texts_are_held_against_the_answer(tramway_ride_and_limits):
+    r, rows = tramway_ride_and_limits
     known = {row["quantity"]: row["value"] for row in r.design}
-    found = verdicts(rows)
+    found = verdict_by_limit(rows)
     assert found["breaking load over largest tension", 3.15] == "not met"
     assert 2.3e6 / known["tension_max"] < 3.15
     assert found["smallest tension over the load of a wheel", 40.0] == "met"
@@ -50,8 +50,8 @@ def test_numbers_of_texts_are_held_against_the_answer(tramway):
     assert not r.flags  # the design numbers behind it have a second computation
 
 
-def test_a_limit_within_the_bar_is_too_close_to_tell(tramway):
-    r, _ = tramway
+def test_a_limit_within_the_bar_is_too_close_to_tell(tramway_ride_and_limits):
+    r, _ = tramway_ride_and_limits
     tension = next(row for row in r.design if row["quantity"] == "tension_max")
     near = 2.3e6 / (tension["value"] + 0.5 * tension["bar"])
     for factor, verdict in ((1.0, "too close to tell"), (0.97, "met"), (1.03, "not met")):
@@ -104,8 +104,8 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", [None, *FAULTS])
-def test_verdicts_are_computed_a_second_time(tramway, fault):
-    r, rows = tramway
+def test_verdicts_are_computed_a_second_time(tramway_ride_and_limits, fault):
+    r, rows = tramway_ride_and_limits
     toml = tomllib.loads(TRAMWAY.to_toml())
     judged = [row for row in rows if row["value"] is not None]
     assert len(judged) > 8
@@ -117,8 +117,8 @@ def test_verdicts_are_computed_a_second_time(tramway, fault):
         assert bool(faults) is (fault is not None)
 
 
-def test_a_wrong_sag_at_rest_is_denied(tramway):
-    r, _ = tramway
+def test_a_wrong_sag_at_rest_is_denied(tramway_ride_and_limits):
+    r, _ = tramway_ride_and_limits
     wrong = [row | {"value": 1.001 * row["value"]} if row["quantity"] == "sag_car_rest" else row for row in r.design]
     forged = recomputed.RecomputedNumbers(r, None).number("sag_car_rest")
     assert abs(next(row["value"] for row in wrong if row["quantity"] == "sag_car_rest") - forged) > 5e-4 * forged

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from tests.commands.calls import lines
+from tests.commands.calls import fault_lines
 from tests.line.lines import THREE, TRAMWAY, car, contact, line
 from validation.commands.check.line import check_line
 from validation.core.readback import line_outcome_faults, line_terminal_faults
@@ -16,12 +16,12 @@ from validation.core.readback import line_outcome_faults, line_terminal_faults
 FEW = ("--set", "car.up.at=[50,300,698,704]", "--set", "car.down.at=[488,702,900,1142]")
 
 
-def rows(file):
+def csv_rows(file):
     with file.open(newline="") as opened:
         return list(csv.DictReader(opened))
 
 
-def numbers(folder):
+def summary_and_design_values(folder):
     summary = json.loads((folder / "summary.json").read_text())
     return summary, {d["quantity"]: d["value"] for d in summary["design"]}
 
@@ -32,13 +32,13 @@ def test_run_writes_its_files(cablefem, tmp_path):
     folder = tmp_path / "cablefem-out" / "two-span" / "rest"
     told = {path.name for path in folder.iterdir()}
     assert {"positions.csv", "profile.csv", "summary.json", "scene.toml"} <= told
-    found = rows(folder / "positions.csv")
+    found = csv_rows(folder / "positions.csv")
     # a car on the shoe of the tower has no haul force and no tension
     assert [(row["position"], row["on:up"], bool(row["haul:up"])) for row in found] == [
         ("1", "", True), ("2", "", True), ("3", "tower", False), ("4", "tower", False),
     ]  # fmt: skip
     assert found[1]["on:down"] == "tower"
-    profile = rows(folder / "profile.csv")
+    profile = csv_rows(folder / "profile.csv")
     assert all(float(row["y_highest"]) <= float(row["y_lowest"]) + 1e-9 for row in profile)
     assert "largest tension" in out
     assert len(out.splitlines()) <= 20
@@ -50,11 +50,11 @@ def test_run_writes_its_files(cablefem, tmp_path):
 def test_design_numbers_of_a_line(cablefem, tmp_path):
     (tmp_path / "one.toml").write_text(line(*TRAMWAY, name="tramway").to_toml())
     assert cablefem("run", "one.toml")[0] == 0
-    assert numbers(tmp_path / "cablefem-out" / "tramway" / "rest")[1]["rise_max:weight"] == pytest.approx(
-        10.837, abs=1e-3
-    )
+    assert summary_and_design_values(tmp_path / "cablefem-out" / "tramway" / "rest")[1][
+        "rise_max:weight"
+    ] == pytest.approx(10.837, abs=1e-3)
     assert cablefem("run", "two-span")[0] == 0
-    summary, design = numbers(tmp_path / "cablefem-out" / "two-span" / "rest")
+    summary, design = summary_and_design_values(tmp_path / "cablefem-out" / "two-span" / "rest")
     assert summary["status"] == "complete"
     assert design["safety_factor_min"] == pytest.approx(1.6e6 / design["tension_max"], rel=1e-9)
     assert design["pressure_down_min:tower"] == pytest.approx(78.1e3, abs=50.0)
@@ -108,7 +108,7 @@ def test_both_tensions_count_where_a_car_that_grips_is_at_a_station_of_the_profi
     (tmp_path / "grip.toml").write_text(scene.to_toml())
     code, out, _ = cablefem("check", "grip.toml")
     assert code == 0, out
-    profile = {float(row["x"]): row for row in rows(next(tmp_path.rglob("profile.csv")))}
+    profile = {float(row["x"]): row for row in csv_rows(next(tmp_path.rglob("profile.csv")))}
     jump = float(profile[90.0]["tension_max"]) - float(profile[90.0]["tension_min"])
     rise = float(profile[88.0]["y_lowest"]) - float(profile[92.0]["y_lowest"])
     weight_along_rope = 600.0 * 9.81 * rise / np.hypot(4.0, rise)
@@ -120,7 +120,7 @@ def test_a_grid_is_a_table_with_one_row_a_line(cablefem, tmp_path):
         "run", "two-span", *FEW, "--set", "car.up.mass=5000,6000,8000", "--set", "car.down.mass=+1%"
     )
     assert (code, err) == (0, "")
-    found = rows(tmp_path / "cablefem-out" / "two-span" / "grid-rest-run" / "table.csv")
+    found = csv_rows(tmp_path / "cablefem-out" / "two-span" / "grid-rest-run" / "table.csv")
     haul = [float(row["haul_max:up"]) for row in found]
     assert len(haul) == 3
     assert np.all(np.diff(haul) > 0.0)
@@ -130,7 +130,7 @@ def test_a_grid_of_lines_is_checked(cablefem, tmp_path):
     code, out, _ = cablefem("check", "two-span", *FEW, "--set", "car.up.mass=5000,6000")
     assert code == 0, out
     assert "report.html" in out
-    found = rows(tmp_path / "cablefem-out" / "two-span" / "grid-rest-check" / "table.csv")
+    found = csv_rows(tmp_path / "cablefem-out" / "two-span" / "grid-rest-check" / "table.csv")
     assert [row["verdict"] for row in found] == ["agree", "agree"]
 
 
@@ -142,7 +142,7 @@ def test_a_position_without_rest_leaves_the_others(cablefem, tmp_path):
     code, out, _ = cablefem("run", "lifts.toml")
     assert code == 2
     assert "the rope lifts off first" in out
-    summary, _ = numbers(tmp_path / "cablefem-out" / "lifts" / "rest")
+    summary, _ = summary_and_design_values(tmp_path / "cablefem-out" / "lifts" / "rest")
     assert summary["status"] == "incomplete"
     assert [x["position"] for x in summary["refused"]] == [2]
 
@@ -161,7 +161,7 @@ def test_what_moves_is_refused_in_one_line(cablefem, tmp_path, command):
     code, out, err = cablefem(*command)
     assert (code, out) == (2, "")
     assert "this needs one span with [supports]" in err
-    assert len(lines(err)) == 1
+    assert len(fault_lines(err)) == 1
     assert not (tmp_path / "cablefem-out").exists()
 
 

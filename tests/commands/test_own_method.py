@@ -2,11 +2,11 @@
 
 import pytest
 
-from tests.commands.calls import lines
+from tests.commands.calls import fault_lines
 
 
 @pytest.fixture
-def package(tmp_path, monkeypatch):
+def install_method_package(tmp_path, monkeypatch):
     """Install a package with an entry point, as pip would; returns a function of its name and value."""
 
     def install(name, value):
@@ -19,11 +19,11 @@ def package(tmp_path, monkeypatch):
     return install
 
 
-@pytest.mark.usefixtures("unanimated")
-def test_it_is_listed_and_runs(cablefem, package):
+@pytest.mark.usefixtures("without_animation")
+def test_it_is_listed_and_runs(cablefem, install_method_package):
     arguments = "--method", "my-sines", "--set", "waves=6", "--set", "steps=60", "--no-bars"
     assert cablefem("run", "level", *arguments)[0] == 2
-    package("my-sines", "tests.validation.sines:METHOD")
+    install_method_package("my-sines", "tests.validation.sines:METHOD")
     assert "my-sines: one line for the list" in cablefem("methods")[1]
     code, out, err = cablefem("run", "level", *arguments)
     assert (code, err) == (0, "")
@@ -38,10 +38,10 @@ def test_it_is_listed_and_runs(cablefem, package):
         ("fourier", "tests.validation.sines:METHOD", "must be a new Method with this name"),
     ],
 )
-def test_what_is_no_method_is_said(cablefem, package, name, value, said):
-    package(name, value)
+def test_what_is_no_method_is_said(cablefem, install_method_package, name, value, said):
+    install_method_package(name, value)
     for command in (("methods",), ("run", "level", "--method", "other")):
         code, _, err = cablefem(*command)
         assert code == 2
-        (line,) = lines(err)
+        (line,) = fault_lines(err)
         assert said in line

@@ -29,7 +29,7 @@ COMMANDS = {
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory):
+def stored_result(tmp_path_factory):
     """What each command stored, printed, and drew: made once, at first use."""
     known = {}
 
@@ -48,8 +48,8 @@ def results(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_all_that_is_written_and_printed_has_a_reader(results, name):
-    command, of, lines, page = results(name)
+def test_all_that_is_written_and_printed_has_a_reader(stored_result, name):
+    command, of, lines, page = stored_result(name)
     assert [
         *readback.file_faults(of),
         *readback.page_faults(page, command, of),
@@ -66,7 +66,7 @@ def test_all_that_is_written_and_printed_has_a_reader(results, name):
 # --- files ------------------------------------------------------------------------------------------------------------
 
 
-def scaled(file: Path, column: str) -> None:
+def enlarge_csv_column(file: Path, column: str) -> None:
     """Make a column of a CSV 1 % larger."""
     head, *lines = file.read_text().splitlines()
     i = head.split(",").index(column)
@@ -84,11 +84,11 @@ def scaled(file: Path, column: str) -> None:
         ("path.csv", "F_contact"), ("path.csv", "T_behind"),
     ],
 )  # fmt: skip
-def test_a_column_one_percent_off_is_seen(results, name, column):
-    _, of, _, _ = results("a ride")
+def test_a_column_one_percent_off_is_seen(stored_result, name, column):
+    _, of, _, _ = stored_result("a ride")
     file = of.folder / of.methods[0] / name
     before = file.read_text()
-    scaled(file, column)
+    enlarge_csv_column(file, column)
     found = list(readback.FILES[name](file, of.run_of_method(0)))
     file.write_text(before)
     assert found
@@ -96,8 +96,8 @@ def test_a_column_one_percent_off_is_seen(results, name, column):
 
 
 @pytest.mark.parametrize("of_frame", ["displacement", "tension", "velocity"])
-def test_an_animation_one_percent_off_is_seen(results, of_frame):
-    _, of, _, _ = results("a ride")
+def test_an_animation_one_percent_off_is_seen(stored_result, of_frame):
+    _, of, _, _ = stored_result("a ride")
     file = of.folder / of.methods[0] / "response.xdmf"
     names = re.findall(rf'Name="{of_frame}".*?response\.h5:/(\w+)', file.read_text(), re.S)
 
@@ -112,8 +112,8 @@ def test_an_animation_one_percent_off_is_seen(results, of_frame):
     assert found
 
 
-def test_a_wrong_number_of_the_summary_is_seen(results):
-    _, of, _, _ = results("a ride")
+def test_a_wrong_number_of_the_summary_is_seen(stored_result):
+    _, of, _, _ = stored_result("a ride")
     file = of.folder / of.methods[0] / "summary.json"
     before = file.read_text()
     for key, value in (("reached", 0.97), ("n_dof", 3), ("max_deflection", 3.0), ("news", 1)):
@@ -126,8 +126,8 @@ def test_a_wrong_number_of_the_summary_is_seen(results):
 @pytest.mark.parametrize(
     "key", ["value", "bar", "other", "bar_other", "gap", "uncertainty", "order_space", "order_time", "levels_space"]
 )  # fmt: skip
-def test_a_verification_one_percent_off_is_seen(results, key):
-    _, of, _, _ = results("a check of a ride")
+def test_a_verification_one_percent_off_is_seen(stored_result, key):
+    _, of, _, _ = stored_result("a check of a ride")
     rows = of.agreement["verification"]
     assert len(rows) > 10
     assert {row["order_space"] is None for row in rows} == {False, True}  # reached, and not reached
@@ -145,15 +145,15 @@ def test_a_verification_one_percent_off_is_seen(results, key):
 NUMBER = r"(-?[\d.]+)( ?± ?)([\d.]+)( ?kN)"
 
 
-def larger(number: str, factor: float) -> str:
+def enlarged_number(number: str, factor: float) -> str:
     """The number times a factor, with as many decimals."""
     return f"{factor * float(number):.{len(number.partition('.')[2])}f}"
 
 
 CHANGES = {
-    "value": lambda x: f"{larger(x[1], 1.01)}{x[2]}{x[3]}{x[4]}",
+    "value": lambda x: f"{enlarged_number(x[1], 1.01)}{x[2]}{x[3]}{x[4]}",
     "unit": lambda x: x[0].replace("kN", "MN"),
-    "bar": lambda x: f"{x[1]}{x[2]}{larger(x[3], 0.2)}{x[4]}",
+    "bar": lambda x: f"{x[1]}{x[2]}{enlarged_number(x[3], 0.2)}{x[4]}",
 }
 
 
@@ -166,8 +166,8 @@ def test_a_run_in_the_folder_of_a_check_is_read_by_its_own_pages(tmp_path):
 
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 @pytest.mark.parametrize("name", ["a ride", "a check of a ride"])
-def test_a_force_with_another_value_unit_or_bar_is_seen(results, name, change):
-    command, of, lines, page = results(name)
+def test_a_force_with_another_value_unit_or_bar_is_seen(stored_result, name, change):
+    command, of, lines, page = stored_result(name)
     spaced = NUMBER.replace(" ?", "[ \u202f]?")
     wrong, count = re.subn(spaced, change, page, count=1)
     assert count == 1
@@ -187,8 +187,8 @@ def test_a_force_with_another_value_unit_or_bar_is_seen(results, name, change):
         (r"path ± (\d)", r"path ± 1\1", "stored"),
     ],
 )
-def test_other_words_and_numbers_on_the_terminal_are_seen(results, there, instead, said):
-    _, of, lines, _ = results("a ride")
+def test_other_words_and_numbers_on_the_terminal_are_seen(stored_result, there, instead, said):
+    _, of, lines, _ = stored_result("a ride")
     text = [re.sub(there, instead, line) for line in lines]
     assert text != lines
     assert any(said in fault for fault in readback.terminal_faults(text, of)) or any(said in x for x in of.unread)
@@ -215,8 +215,8 @@ def test_other_words_and_numbers_on_the_terminal_are_seen(results, there, instea
         (r'("obstacles":\[)', r'\1{"name":"a","x":1,"top":2}', "obstacles"),
     ],
 )  # fmt: skip
-def test_other_words_and_numbers_on_the_page_are_seen(results, there, instead, said):
-    command, of, _, page = results("a check of a ride")
+def test_other_words_and_numbers_on_the_page_are_seen(stored_result, there, instead, said):
+    command, of, _, page = stored_result("a check of a ride")
     wrong, count = re.subn(there, instead, page, count=1)
     assert count == 1
     assert any(said in fault for fault in readback.page_faults(wrong, command, of))

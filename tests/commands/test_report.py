@@ -22,7 +22,7 @@ STUDIES = {
 }
 
 
-def stand_in(monkeypatch, command, verdict="agree"):
+def replace_study(monkeypatch, command, verdict="agree"):
     """Put a study and its pages in the place of those of a command; returns what the study was called with."""
     _, function, arguments, folder = STUDIES[command]
     calls = []
@@ -40,7 +40,7 @@ def stand_in(monkeypatch, command, verdict="agree"):
 
 @pytest.mark.parametrize("command", sorted(STUDIES))
 def test_a_study_gets_its_inputs_and_its_findings_are_told(cablefem, monkeypatch, command):
-    calls, arguments, folder = stand_in(monkeypatch, command)
+    calls, arguments, folder = replace_study(monkeypatch, command)
     code, out, err = cablefem(*arguments)
     assert (code, err) == (0, "")
     (inputs,) = calls
@@ -53,16 +53,16 @@ def test_a_study_gets_its_inputs_and_its_findings_are_told(cablefem, monkeypatch
 
 @pytest.mark.parametrize(("command", "code"), [("oracles", 1), ("paper", 0), ("atlas", 1)])
 def test_exact_answers_and_the_catalogue_put_our_solvers_to_the_test(cablefem, monkeypatch, command, code):
-    _, arguments, _ = stand_in(monkeypatch, command, verdict="disagree")
+    _, arguments, _ = replace_study(monkeypatch, command, verdict="disagree")
     assert cablefem(*arguments)[0] == code
 
 
-@pytest.mark.usefixtures("checked")
+@pytest.mark.usefixtures("instant_check")
 def test_report_runs_what_is_missing_and_gathers_what_is_there(cablefem, monkeypatch):
     monkeypatch.setattr("validation.commands.report.command.PARTS", ())
     assert cablefem("report")[0] == 2
     assert cablefem("check", "level")[0] == 0
-    calls, _, _ = stand_in(monkeypatch, "atlas")
+    calls, _, _ = replace_study(monkeypatch, "atlas")
     monkeypatch.setattr("validation.commands.report.command.PARTS", (("check", "level"), ("atlas",)))
     for _ in range(2):  # also a second time, over the first one
         code, out, _ = cablefem("report")
@@ -78,9 +78,9 @@ def test_report_runs_what_is_missing_and_gathers_what_is_there(cablefem, monkeyp
     assert "this was found" not in Path("cablefem-out/level/report.html").read_text()
 
 
-@pytest.mark.usefixtures("checked")
+@pytest.mark.usefixtures("instant_check")
 def test_an_interrupted_part_is_run_again(cablefem, monkeypatch):
-    stand_in(monkeypatch, "atlas")
+    replace_study(monkeypatch, "atlas")
     monkeypatch.setattr("validation.commands.report.command.PARTS", (("check", "level"), ("atlas",)))
     study = sys.modules["validation.commands.atlas.study"]
 
@@ -90,13 +90,13 @@ def test_an_interrupted_part_is_run_again(cablefem, monkeypatch):
     monkeypatch.setattr(study, "atlas", interrupted)
     assert cablefem("report")[0] == 130
     assert not Path("cablefem-out/report.html").exists()
-    stand_in(monkeypatch, "atlas")
+    replace_study(monkeypatch, "atlas")
     assert cablefem("report")[0] == 0
     assert "this was found" in Path("cablefem-out/report.html").read_text()
 
 
 def test_a_part_that_breaks_is_red_and_the_others_are_there(cablefem, monkeypatch):
-    stand_in(monkeypatch, "atlas")
+    replace_study(monkeypatch, "atlas")
 
     def broken(*inputs, **how):
         raise ValueError("zero-size array to reduction operation")
@@ -110,20 +110,20 @@ def test_a_part_that_breaks_is_red_and_the_others_are_there(cablefem, monkeypatc
     assert 'class="badge bad"' in page
     assert "zero-size array" in page
     assert 'id="bare-modes-frequencies"' in page
-    stand_in(monkeypatch, "atlas")  # mended
+    replace_study(monkeypatch, "atlas")  # mended
     assert cablefem("report")[0] == 0
     assert "badge bad" not in Path("cablefem-out/report.html").read_text()
 
 
 def test_a_report_of_something_red_is_not_fine_even_when_nothing_is_left_to_run(cablefem, monkeypatch):
-    stand_in(monkeypatch, "oracles", verdict="disagree")
+    replace_study(monkeypatch, "oracles", verdict="disagree")
     monkeypatch.setattr("validation.commands.report.command.PARTS", (("oracles",),))
     assert [cablefem("report")[0] for _ in range(2)] == [1, 1]
 
 
 def test_report_does_not_write_over_a_strange_file(cablefem, monkeypatch):
     monkeypatch.setattr("validation.commands.report.command.PARTS", ())
-    _, arguments, _ = stand_in(monkeypatch, "atlas")
+    _, arguments, _ = replace_study(monkeypatch, "atlas")
     assert cablefem(*arguments)[0] == 0
     Path("cablefem-out/report.html").write_text("mine")
     assert cablefem("report")[0] == 2

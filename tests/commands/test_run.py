@@ -11,14 +11,14 @@ import pytest
 
 from cablefem import Scene
 from cablefem.response import Response
-from tests.commands.calls import BROKEN, QUICK, lines
+from tests.commands.calls import BROKEN, QUICK, fault_lines
 from validation.commands.run import study
 from validation.core.quantities import design_row_texts
 from validation.core.refine import TooCoarse, run_with_error_bars
 from validation.core.running import run
 from validation.core.watch import make_flag
 
-pytestmark = pytest.mark.usefixtures("unanimated")
+pytestmark = pytest.mark.usefixtures("without_animation")
 
 
 def test_run_writes_its_files_and_says_what_came_out(cablefem, tmp_path):
@@ -85,7 +85,7 @@ def test_a_tolerance_out_of_reach_is_1_and_said(cablefem, monkeypatch):
     monkeypatch.setattr(study, "refine_to_tolerance", too_coarse)
     code, _, err = cablefem("run", "inclined", "--method", "following-p2", "--tol", "1e-6", "--out", "x")
     assert code == 1
-    (said,) = lines(err)
+    (said,) = fault_lines(err)
     assert said.startswith("following-p2 reaches an error bar of 1 with elements = 4, steps = 60, not the 1e-06 asked")
     assert Path("x/following-p2/path.csv").exists()
 
@@ -102,7 +102,7 @@ def test_many_scenes_are_announced_before_they_start(cablefem):
 def test_a_key_without_its_dot_is_shown_the_key(cablefem, command):
     code, _, err = cablefem(command, "zipline", "--set", "mass=60")
     assert code == 2
-    assert lines(err) == ["--set mass: keys of the scene have a dot; the scene has mass.mass"]
+    assert fault_lines(err) == ["--set mass: keys of the scene have a dot; the scene has mass.mass"]
 
 
 def test_the_ground_is_set_by_points_or_by_a_csv(cablefem, tmp_path):
@@ -116,7 +116,7 @@ def test_the_ground_is_set_by_points_or_by_a_csv(cablefem, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def inclined():
+def inclined_run():
     return run(Scene.load("inclined"), "following-p2", elements=4, steps=100)
 
 
@@ -131,10 +131,10 @@ def inclined():
     ],
 )
 def test_the_exit_code_of_a_run_says_whether_it_broke_before_the_slack_onset(
-    cablefem, monkeypatch, inclined, changes, code
+    cablefem, monkeypatch, inclined_run, changes, code
 ):
     early = "status" in changes and changes["cause"] != "past the window"
-    ended = run(Scene.load("inclined"), "following-p2", elements=4, steps=100, until=0.5) if early else inclined
+    ended = run(Scene.load("inclined"), "following-p2", elements=4, steps=100, until=0.5) if early else inclined_run
     response = dataclasses.replace(ended, **changes)
     monkeypatch.setattr(study, "run", lambda *names, **how: response)
     found, out, err = cablefem("run", "inclined", *QUICK, "--no-bars", "--out", "x")
@@ -173,7 +173,7 @@ def test_what_happens_on_a_ride_has_bars(cablefem):
 def test_what_a_method_cannot_do_is_a_line_and_nothing_is_written(cablefem, options, said):
     code, _, err = cablefem("run", "zipline", *options)
     assert code == 2
-    (line,) = lines(err)
+    (line,) = fault_lines(err)
     assert said in line
     assert not Path("cablefem-out").exists()
 
@@ -219,5 +219,5 @@ def test_one_value_overrides_the_scene(cablefem):
 def test_a_wrong_value_is_a_line(cablefem, pair):
     code, _, err = cablefem("run", "zipline", "--model", "quasi-static", "--set", pair)
     assert code == 2
-    assert "--set" in lines(err)[0]
+    assert "--set" in fault_lines(err)[0]
     assert not Path("cablefem-out").exists()

@@ -242,7 +242,7 @@ def test_a_scene_that_hangs_is_cut_off(monkeypatch):
 # --- the engine -------------------------------------------------------------------------------------------------------
 
 
-def stand_in(study, number_unknowns):
+def rows_or_dying_worker(study, number_unknowns):
     """Rows of a job of no work; with a path as the study's title scene 2 kills its worker once, scene 7 always."""
     rows = []
     for i, point in number_unknowns:
@@ -253,44 +253,44 @@ def stand_in(study, number_unknowns):
     return rows
 
 
-def wide(count, title=""):
+def study_of_count(count, title=""):
     sample = {"count": count, "range": {"mu": [0.1, 1.0]}}
     return Study.from_table({"scene": "level", "method": "fourier", "sample": sample, "title": title})
 
 
 @pytest.fixture(scope="module")
-def cluster():
+def dask_cluster():
     import dask
 
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
         distributed.LocalCluster(1, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
     ):
-        yield {"scheduler": cluster.scheduler_address, "work": stand_in}
+        yield {"scheduler": cluster.scheduler_address, "work": rows_or_dying_worker}
 
 
-def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path, cluster):
-    study, seen = wide(60), []
+def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path, dask_cluster):
+    study, seen = study_of_count(60), []
 
     def interrupted(label, done, note):
         if done >= 10 / 60:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        engine.sweep(study, tmp_path, progress=interrupted, **cluster)
+        engine.sweep(study, tmp_path, progress=interrupted, **dask_cluster)
     before = engine.finished_indices(tmp_path)
     assert 10 <= len(before) < 60
-    tally = engine.sweep(study, tmp_path, progress=lambda label, done, note: seen.append(done), **cluster)
+    tally = engine.sweep(study, tmp_path, progress=lambda label, done, note: seen.append(done), **dask_cluster)
     assert tally.status.total() == 60 - len(before)
     rows = engine.read_rows(tmp_path)
     assert rows.index.tolist() == list(range(60))
     np.testing.assert_array_equal(rows["mu"], [study.point(i)["mu"] for i in range(60)])
-    again = engine.sweep(study, tmp_path, **cluster)
+    again = engine.sweep(study, tmp_path, **dask_cluster)
     assert (again.status.total(), again.done) == (0, 60)
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # what is lost would be one
-def test_an_interrupt_while_memory_is_collected_is_not_lost(tmp_path, cluster):
+def test_an_interrupt_while_memory_is_collected_is_not_lost(tmp_path, dask_cluster):
     """Python ignores what is raised then; Dask has a callback there."""
 
     def interrupt(phase, info):
@@ -303,8 +303,8 @@ def test_an_interrupt_while_memory_is_collected_is_not_lost(tmp_path, cluster):
             gc.callbacks.remove(interrupt)
 
     with pytest.raises(KeyboardInterrupt, match="scenes are stored"):
-        engine.sweep(wide(60), tmp_path, progress=collect, **cluster)
-    assert engine.sweep(wide(60), tmp_path, **cluster).done == 60
+        engine.sweep(study_of_count(60), tmp_path, progress=collect, **dask_cluster)
+    assert engine.sweep(study_of_count(60), tmp_path, **dask_cluster).done == 60
 
 
 @pytest.mark.parametrize("there", ["study.toml", pytest.param("rows/*.parquet", marks=pytest.mark.slow)])
@@ -322,14 +322,16 @@ def test_an_interrupt_ends_a_sweep_at_once_while_workers_start_and_while_they_co
     assert re.fullmatch(rf"cablefem: interrupted; \d+ of 1000 scenes are stored in {tmp_path}; .*\n", said)
 
 
-def test_a_changed_study_in_a_used_folder_is_refused(tmp_path, cluster):
-    engine.sweep(wide(2), tmp_path, **cluster)
+def test_a_changed_study_in_a_used_folder_is_refused(tmp_path, dask_cluster):
+    engine.sweep(study_of_count(2), tmp_path, **dask_cluster)
     with pytest.raises(Refused, match="another study"):
-        engine.sweep(wide(3), tmp_path, **cluster)
+        engine.sweep(study_of_count(3), tmp_path, **dask_cluster)
 
 
-def test_scenes_of_a_worker_that_dies_are_tried_again_one_by_one_and_one_that_always_kills_is_a_row(tmp_path, cluster):
-    tally = engine.sweep(wide(8, str(tmp_path / "died")), tmp_path / "out", **cluster)
+def test_scenes_of_a_worker_that_dies_are_tried_again_one_by_one_and_one_that_always_kills_is_a_row(
+    tmp_path, dask_cluster
+):
+    tally = engine.sweep(study_of_count(8, str(tmp_path / "died")), tmp_path / "out", **dask_cluster)
     assert (tmp_path / "died").exists()
     assert dict(tally.status) == {"complete": 7, "died": 1}
     row = engine.read_rows(tmp_path / "out").loc[7]
@@ -349,7 +351,7 @@ def test_a_cluster_of_its_own_and_the_page(tmp_path):
 
 def test_a_scheduler_that_is_not_there_is_said(tmp_path):
     with pytest.raises(Refused, match=r"--scheduler tcp://127\.0\.0\.1:9"):
-        engine.sweep(wide(2), tmp_path, scheduler="tcp://127.0.0.1:9", work=stand_in)
+        engine.sweep(study_of_count(2), tmp_path, scheduler="tcp://127.0.0.1:9", work=rows_or_dying_worker)
 
 
 def test_the_command_line_lists_studies_and_prints_scenes(capsys, tmp_path):

@@ -6,7 +6,7 @@ import pytest
 from cablefem import Scene
 from cablefem.scene import ConstantSpeed
 from cablefem.scene.statics import gripped_rest
-from tests.runs import observe, stack
+from tests.runs import observe, stack_states
 from validation.core.methods import find_method
 from validation.core.running import Run
 
@@ -30,7 +30,7 @@ def test_a_car_let_in_on_the_way_begins_at_rest_on_the_loaded_cable(name, method
     kind = find_method(method)
     system = kind.build(g, kind.settings_for_scene(g, settings), model="full", load="mass", law="elastic")
     x = system.start(0, None)
-    seen = observe(system, stack([x]))
+    seen = observe(system, stack_states([x]))
     exact = gripped_rest(place, g)
     w = exact.car_point[0] - np.array(g.coordinates(place))
     v = exact.along[0] * g.motion.position_with_rates(0.0, 0)[1]

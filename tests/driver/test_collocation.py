@@ -32,16 +32,16 @@ TIGHT = Newton(tol=1e-13)
 LEVEL = Scene.load("level").groups
 
 
-def march(system, method, times, **kw):
+def integrate_tightly(system, method, times, **kw):
     method = scheme(method) if isinstance(method, str) else method
     return list(integrate(system, method, times, newton=kw.pop("newton", TIGHT), **kw))
 
 
-def grid(end, n, begin=0.0):
+def equal_steps(end, n, begin=0.0):
     return [np.linspace(begin, end, n + 1)]
 
 
-def by_scipy(system, begin, end, rtol=1e-12, atol=1e-13):
+def position_by_scipy(system, begin, end, rtol=1e-12, atol=1e-13):
     """Return q at the end by scipy on the same equations."""
     n, zero = system.n_dof, np.zeros(system.n_dof)
 
@@ -74,8 +74,11 @@ SYSTEMS = {
 }
 
 
-def observed(system, method, steps, truth):
-    error = [np.abs(march(system, method, grid(system.phases[-1][1], n))[-1].q - truth).max() for n in steps]
+def observed_order_and_errors(system, method, steps, truth):
+    error = [
+        np.abs(integrate_tightly(system, method, equal_steps(system.phases[-1][1], n))[-1].q - truth).max()
+        for n in steps
+    ]
     return -np.polyfit(np.log(steps), np.log(error), 1)[0], error
 
 
@@ -84,8 +87,8 @@ def observed(system, method, steps, truth):
 def test_order_on_smooth_nonlinear_systems(name, method, order, finest):
     make, steps = SYSTEMS[name]
     system = make()
-    truth = by_scipy(system, system.start(0, None), system.phases[-1][1])
-    slope, error = observed(system, method, steps, truth)
+    truth = position_by_scipy(system, system.start(0, None), system.phases[-1][1])
+    slope, error = observed_order_and_errors(system, method, steps, truth)
     assert abs(slope - order) < 0.25, (slope, error)
     assert error[-1] < finest
 
@@ -93,9 +96,9 @@ def test_order_on_smooth_nonlinear_systems(name, method, order, finest):
 def test_nodes_a_little_off_lose_two_orders():
     """The twin: three nodes that are none of Radau's are of order three."""
     system = Spring(d=0.37, k3=11.0, f=1.9, end=2.0)
-    truth = by_scipy(system, system.start(0, None), 2.0)
+    truth = position_by_scipy(system, system.start(0, None), 2.0)
     off = Scheme("off", nodes=(RADAU[0] + 0.05, RADAU[1] + 0.02, 1.0))
-    slope, error = observed(system, off, (10, 20, 40), truth)
+    slope, error = observed_order_and_errors(system, off, (10, 20, 40), truth)
     assert slope < 4.0, (slope, error)
 
 
@@ -103,7 +106,7 @@ def test_nodes_a_little_off_lose_two_orders():
 def test_radau_annihilates_what_it_cannot_resolve_and_gauss_keeps_it():
     stiff = Spring(k=5.3e8, q0=0.31, v0=0.0)
     start = stiff.start(0, None)
-    dying, ringing = (march(stiff, method, grid(3.0, 20))[-1] for method in ("radau", "gauss"))
+    dying, ringing = (integrate_tightly(stiff, method, equal_steps(3.0, 20))[-1] for method in ("radau", "gauss"))
     assert abs(dying.q[0]) < 1e-9 * 0.31
     # quadratic energies are kept to rounding (Cooper 1987), at any step
     assert stiff.energy(ringing) == pytest.approx(stiff.energy(start), rel=1e-10)
@@ -115,17 +118,17 @@ def test_a_stiff_system_is_followed_at_any_stiffness(stiffness):
     error = []
     for n in (20, 40):
         stiff = Follower(m=1.7, d=2.0 * math.sqrt(stiffness), k=stiffness, k3=11.0, w=2.1, q0=0.0, v0=2.1)
-        x = march(stiff, "radau", grid(3.0, n), newton=Newton(tol=1e-12))[-1]
+        x = integrate_tightly(stiff, "radau", equal_steps(3.0, n), newton=Newton(tol=1e-12))[-1]
         error.append(abs(x.q[0] - math.sin(2.1 * 3.0)))
     assert error[1] < 1e-6
     assert error[1] < 0.2 * error[0] + 1e-12
 
 
 # --- cables -----------------------------------------------------------------------------------------------------------
-def settled_start(system):
+def state_after_entry(system):
     """A state early in the travel, where all that the sudden entry excites is resolved."""
     t1 = 0.02 * system.phases[0][1]
-    x = march(system, "radau", grid(t1, 41), newton=Newton(tol=1e-11))[-1]
+    x = integrate_tightly(system, "radau", equal_steps(t1, 41), newton=Newton(tol=1e-11))[-1]
     return consistent_acceleration(system, x.t, x.q, x.v, 0)
 
 
@@ -136,10 +139,10 @@ def settled_start(system):
 )
 def test_cables_by_radau_and_by_scipy(system):
     """The same equations by Dormand and Prince's explicit rule with its own step sizes."""
-    begin, end = settled_start(system), 0.06 * system.phases[0][1]
-    truth = by_scipy(system, begin, end, rtol=1e-9, atol=1e-12)
+    begin, end = state_after_entry(system), 0.06 * system.phases[0][1]
+    truth = position_by_scipy(system, begin, end, rtol=1e-9, atol=1e-12)
     how = {"start": begin, "newton": Newton(tol=1e-9)}
-    q, late = (march(system, "radau", grid(x, 60, begin.t), **how)[-1].q for x in (end, 0.999 * end))
+    q, late = (integrate_tightly(system, "radau", equal_steps(x, 60, begin.t), **how)[-1].q for x in (end, 0.999 * end))
     assert np.abs(q - truth).max() < 1e-6 * np.abs(truth).max()
     assert np.abs(late - truth).max() > 1e-4 * np.abs(truth).max()  # twin: a step left out is seen
 
@@ -156,7 +159,7 @@ def test_compiled_steps_are_those_of_the_residuals_and_tangents(kind, model, met
     for cls in (Plain, kind):
         system, work = cls(LEVEL, elements=4, model=model), Work()
         times = [step_times_by_phase(system, 200)[0][:40]]
-        ends.append(march(system, method, times, newton=Newton(tol=1e-6), work=work)[-1])
+        ends.append(integrate_tightly(system, method, times, newton=Newton(tol=1e-6), work=work)[-1])
         works.append(work)
     # factors that serve several steps give the same to Newton's tolerance
     assert np.abs(ends[1].q - ends[0].q).max() <= 1e-6 * np.abs(ends[0].q).max()
@@ -166,7 +169,9 @@ def test_compiled_steps_are_those_of_the_residuals_and_tangents(kind, model, met
 def test_a_start_from_rest_takes_its_first_step_whole():
     """Behind a mass that starts from rest all lengths grow like t^2: no one tangent fits all nodes of a first step."""
     system, work = FollowingElements(Scene.load("inclined").groups, elements=3), Work()
-    march(system, "radau", [step_times_by_phase(system, 40)[0][:2]], newton=Newton(tol=1e-6, max_iter=16), work=work)
+    integrate_tightly(
+        system, "radau", [step_times_by_phase(system, 40)[0][:2]], newton=Newton(tol=1e-6, max_iter=16), work=work
+    )
     assert work.rejected == 0
 
 
@@ -174,7 +179,7 @@ def test_a_constraint_on_positions_is_kept_by_radau_and_refused_by_gauss():
     guided = Guided(end=2.0)
     error = []
     for n in (20, 40, 80):
-        states = march(guided, "radau", grid(2.0, n))
+        states = integrate_tightly(guided, "radau", equal_steps(2.0, n))
         assert max(abs(x.q[1] - math.sin(2.1 * x.t)) for x in states) < 1e-12
         # m q'' + k q = (k + 0.4 w^2) sin(w t)
         w0, force = math.sqrt(5.3 / 1.7), (5.3 + 0.4 * 2.1**2) / (5.3 - 1.7 * 2.1**2)
@@ -183,20 +188,20 @@ def test_a_constraint_on_positions_is_kept_by_radau_and_refused_by_gauss():
     assert error[-1] < 1e-5
     assert error[1] < 0.4 * error[0]
     with pytest.raises(StepFailure, match="constraint on positions"):
-        march(guided, "gauss", grid(2.0, 20))
+        integrate_tightly(guided, "gauss", equal_steps(2.0, 20))
     system = FixedElements(LEVEL, elements=4, element="p1", coupling="path")
     with pytest.raises(ValueError, match="constraint on positions"):
-        march(system, "gauss", step_times_by_phase(system, 20))
+        integrate_tightly(system, "gauss", step_times_by_phase(system, 20))
 
 
 # --- between the steps ------------------------------------------------------------------------------------------------
 def test_between_steps_the_polynomial_of_the_step_answers():
     system = Spring(d=0.37, k3=11.0, f=1.9, end=2.0)
-    fine = march(system, "radau", grid(2.0, 800))
+    fine = integrate_tightly(system, "radau", equal_steps(2.0, 800))
     worst = {}
     for method in ("radau", "gauss"):
         for n in (20, 40):
-            states = march(system, method, grid(2.0, n))
+            states = integrate_tightly(system, method, equal_steps(2.0, n))
             step = 800 // n
             found = [state_inside_step(states[i // step + 1], x.t) for i, x in enumerate(fine[:-1])]
             worst[method, n] = max(abs(x.q[0] - y.q[0]) for x, y in zip(fine[:-1], found, strict=True))

@@ -10,7 +10,7 @@ SCENES = {name: Scene.load(name) for name in ("cruise", "inclined")}
 SETTINGS = {"following-p2": {"elements": 6}, "fourier-kink": {"terms": 10}}
 
 
-def behind(scene, method, **scheme):
+def tensions_behind(scene, method, **scheme):
     r = run(SCENES[scene], method, until=0.002, steps=300, **SETTINGS[method], **scheme)
     return r.T_behind[1:] / r.horizontal_tension
 
@@ -18,9 +18,9 @@ def behind(scene, method, **scheme):
 @pytest.mark.parametrize("method", SETTINGS)
 @pytest.mark.parametrize("scene", SCENES)
 def test_tension_behind_the_mass_is_right_from_the_first_step_on(scene, method):
-    exact = behind(scene, method, scheme="trapezoidal")
+    exact = tensions_behind(scene, method, scheme="trapezoidal")
     assert exact.size > 5
-    assert np.abs(behind(scene, method, scheme="generalized-alpha", rho_inf=0.8) - exact).max() < 0.02
+    assert np.abs(tensions_behind(scene, method, scheme="generalized-alpha", rho_inf=0.8) - exact).max() < 0.02
 
 
 @pytest.mark.parametrize("scene", ["cruise", "level"])

@@ -23,11 +23,11 @@ TIGHT = Newton(tol=1e-13)
 FORCED = {"d": 0.37, "k3": 11.0, "f": 1.9}
 
 
-def last(system, method, times, **kw):
+def last_state(system, method, times, **kw):
     return list(integrate(system, method, times, **kw))[-1]
 
 
-def grid(end, n):
+def equal_steps(end, n):
     return [np.linspace(0.0, end, n + 1)]
 
 
@@ -43,10 +43,10 @@ def test_newmark_steps_follow_the_closed_amplification_matrix(gamma):
     A = np.array([[1.0, 1.0, 0.5 - beta] + beta * a_row, [0.0, 1.0, 1.0 - gamma] + gamma * a_row, a_row])
     x0 = spring.start(0, None)
     expected = np.linalg.matrix_power(A, n) @ np.array([x0.q[0], dt * x0.v[0], dt * dt * x0.a[0]])
-    x = last(spring, Scheme("any", beta, gamma), grid(n * dt, n), newton=TIGHT)
+    x = last_state(spring, Scheme("any", beta, gamma), equal_steps(n * dt, n), newton=TIGHT)
     np.testing.assert_allclose([x.q[0], dt * x.v[0], dt * dt * x.a[0]], expected, rtol=0.0, atol=1e-13)
     # twin: another gamma does not follow that matrix
-    other = last(spring, Scheme("any", beta, gamma + 0.02), grid(n * dt, n), newton=TIGHT)
+    other = last_state(spring, Scheme("any", beta, gamma + 0.02), equal_steps(n * dt, n), newton=TIGHT)
     assert abs(other.q[0] - expected[0]) > 1e-4
 
 
@@ -65,7 +65,7 @@ def test_order_on_a_spring_free_or_forced_damped_and_nonlinear(name, order, fine
         lambda t, y: [y[1], (f * math.sin(2.1 * t) - d * y[1] - 5.3 * y[0] - k3 * y[0] ** 3) / 1.7],
         (0.0, 3.0), [spring.q0, spring.v0], method="DOP853", rtol=1e-13, atol=1e-14,
     ).y[0, -1]  # fmt: skip
-    error = [abs(last(spring, scheme(name), grid(3.0, n), newton=TIGHT).q[0] - exact) for n in steps]
+    error = [abs(last_state(spring, scheme(name), equal_steps(3.0, n), newton=TIGHT).q[0] - exact) for n in steps]
     slope = -np.polyfit(np.log(steps), np.log(error), 1)[0]
     assert abs(slope - order) < 0.05, (slope, error)
     assert error[-1] < finest
@@ -76,14 +76,14 @@ def test_central_differences_lose_stability_at_two_over_omega():
     w = math.sqrt(5.3 / 1.7)
     for factor, bounded in ((0.99, True), (1.01, False)):
         dt = factor * 2.0 / w
-        x = last(Spring(end=400 * dt), scheme("central-difference"), grid(400 * dt, 400))
+        x = last_state(Spring(end=400 * dt), scheme("central-difference"), equal_steps(400 * dt, 400))
         assert bool(abs(x.q[0]) < 10.0) is bounded
 
 
 def test_generalized_alpha_annihilates_what_it_cannot_resolve_and_the_trapezoidal_rule_does_not():
     stiff = Spring(k=5.3e8, q0=0.31, v0=0.0)
-    dying = last(stiff, scheme("generalized-alpha", rho_inf=0.5), grid(3.0, 60))
-    start, ringing = stiff.start(0, None), last(stiff, scheme("trapezoidal"), grid(3.0, 60))
+    dying = last_state(stiff, scheme("generalized-alpha", rho_inf=0.5), equal_steps(3.0, 60))
+    start, ringing = stiff.start(0, None), last_state(stiff, scheme("trapezoidal"), equal_steps(3.0, 60))
     assert abs(dying.q[0]) < 1e-9 * 0.31  # 60 steps at spectral radius about 1/2
     # the trapezoidal rule keeps the energy of a linear system to rounding
     assert stiff.energy(ringing) == pytest.approx(stiff.energy(start), rel=1e-9)
@@ -113,7 +113,7 @@ def test_a_jump_of_the_force_on_a_phase_boundary_costs_no_order(name, order, ste
     slope = -np.polyfit(np.log(steps), np.log(error), 1)[0]
     assert abs(slope - order) < (0.1 if order == 2.0 else 0.25), error
     # twin: stepping over the jump is first order and much worse
-    over = last(Kicked(end=3.0), scheme(name), grid(3.0, steps[-1]))
+    over = last_state(Kicked(end=3.0), scheme(name), equal_steps(3.0, steps[-1]))
     assert abs(over.q[0] - truth) > 10 * error[-1]
 
 
@@ -154,7 +154,7 @@ class Broken(Spring):
 def test_an_unconverged_state_never_leaves_and_the_failure_says_when_and_why(kind, name):
     states = []
     with pytest.raises(NewtonStalled) as caught:
-        states.extend(integrate(Broken(kind), scheme(name), grid(3.0, 100)))
+        states.extend(integrate(Broken(kind), scheme(name), equal_steps(3.0, 100)))
     assert 0.95 <= states[-1].t <= 1.01  # balances of the last step lie before its end
     assert all(np.isfinite(x.q).all() for x in states)
     assert 0.95 <= caught.value.t <= 1.03
@@ -182,7 +182,7 @@ def test_a_step_too_long_for_newton_is_taken_in_pieces(part):
     work, system = Work(), Touchy(end=1.0)
     if part is not None:
         system.adaptive, system.step_fraction = True, lambda x, since: part
-    states = list(integrate(system, scheme("trapezoidal"), grid(1.0, 10), work=work))
+    states = list(integrate(system, scheme("trapezoidal"), equal_steps(1.0, 10), work=work))
     np.testing.assert_allclose([x.t for x in states], np.linspace(0.0, 1.0, 41))
     assert work.rejected == 2 * 10  # a tenth, its half, its quarter
     assert work.steps == 4 * 10
@@ -202,7 +202,7 @@ def test_many_steps_at_once_are_longer_than_rounding():
             requested.append(t)
             return NO_STEPS
 
-    for _ in integrate(Strides(end=1.0), scheme("trapezoidal"), grid(1.0, 100)):
+    for _ in integrate(Strides(end=1.0), scheme("trapezoidal"), equal_steps(1.0, 100)):
         pass
     assert len(requested) > 3
     assert min((np.diff(t) / t[1:]).min(initial=1.0) for t in requested) > 3e-15

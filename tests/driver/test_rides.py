@@ -15,7 +15,7 @@ WINGS = {"following-p2": {"elements": 6}, "fourier-kink": {"terms": 15}}
 every = pytest.mark.parametrize("method", WINGS)
 
 
-def ride(method, toml, **how):
+def run_scene(method, toml, **how):
     return run(Scene.from_toml(toml), method, **WINGS[method] | {"scheme": "generalized-alpha"} | how)
 
 
@@ -29,9 +29,9 @@ def test_a_rider_is_where_the_reference_has_him_after_half_a_minute(method, how)
     """At 284.744 m by 20 + 20 elements of degree 4 and 16000 steps; a rider one percent heavier is elsewhere."""
     allowed = 1e-5 if method == "following-p2" else 4e-5  # of the length
     text = RIDER + "end = {time = 30.0}\n"
-    r = ride(method, text, **how)
+    r = run_scene(method, text, **how)
     assert abs(r.s_o[-1] - 284.744) < allowed * r.length
-    other = ride(method, text.replace("mass = 95.0", "mass = 96.0"), **how)
+    other = run_scene(method, text.replace("mass = 95.0", "mass = 96.0"), **how)
     assert abs(other.s_o[-1] - 284.744) > 2.0 * allowed * r.length
 
 
@@ -39,7 +39,7 @@ def test_a_rider_is_where_the_reference_has_him_after_half_a_minute(method, how)
 def test_a_rider_is_braked_and_stops(method):
     """At 35.43 s, told once he has stood still for an axial round trip."""
     text = RIDER + "rolling_friction = 0.02\nbrake = [{from = 280.0, force = 600.0}]\nend = {time = 45.0}\n"
-    r = ride(method, text, steps=1000)
+    r = run_scene(method, text, steps=1000)
     brake, stop = r.events
     assert (brake["event"], stop["event"]) == ("brake", "stop")
     assert brake["t"] == pytest.approx(34.800, abs=2e-3)
@@ -57,11 +57,11 @@ def test_a_rider_is_braked_and_stops(method):
 
 @every
 def test_friction_holds_a_car_or_lets_it_go(method):
-    held = ride(method, RIDER + "rolling_friction = 0.5\n", steps=100)
+    held = run_scene(method, RIDER + "rolling_friction = 0.5\n", steps=100)
     assert [x["event"] for x in held.events] == ["stop"]
     assert np.ptp(held.s_o) == 0.0
     assert np.abs(held.v - held.v[0]).max() < 1e-8 * held.length
-    gone = ride(method, RIDER + "rolling_friction = 0.02\nend = {time = 3.0}\n", steps=100)
+    gone = run_scene(method, RIDER + "rolling_friction = 0.02\nend = {time = 3.0}\n", steps=100)
     assert gone.s_o[-1] > gone.s_o[0]
 
 
@@ -69,12 +69,12 @@ def test_friction_holds_a_car_or_lets_it_go(method):
 def test_a_rider_who_turns_and_one_who_arrives(method):
     """The far end is too high for him: he turns there, and again at the near one."""
     deep = RIDER.replace("sag = 6.0", "sag = 12.0").replace("drop = 15.0", "drop = -2.0")
-    r = ride(method, deep.replace("start = 2.0", "start = 6.0") + "end = {time = 70.0}\n", steps=700)
+    r = run_scene(method, deep.replace("start = 2.0", "start = 6.0") + "end = {time = 70.0}\n", steps=700)
     assert [x["event"] for x in r.events] == ["turn", "turn"]
     for x in r.events:
         assert r.speed[int(np.argmin(np.abs(r.t - x["t"])))] < 0.02 * r.speed.max()
     assert np.ptp(r.energy - cumulative_trapezoid(r.power, r.t, initial=0.0)) < 2e-3 * 95.0 * 9.81 * r.length
-    there = ride(method, RIDER + "end = {place = 60.0}\n", steps=100)
+    there = run_scene(method, RIDER + "end = {place = 60.0}\n", steps=100)
     assert [x["event"] for x in there.events] == ["arrival"]
     assert there.s_o[-1] == pytest.approx(60.0, rel=1e-11)
 
@@ -84,7 +84,7 @@ def test_both_sides_pull_alike_unless_there_is_friction_and_the_contact_is_norma
     """Let go gently; over H and over the weight."""
 
     def found(friction):
-        r = ride(method, RIDER + f"release = 1.0\nend = {{time = 20.0}}\n{friction}", steps=600)
+        r = run_scene(method, RIDER + f"release = 1.0\nend = {{time = 20.0}}\n{friction}", steps=600)
         late = r.t > 3.0
         tangent = r.slope_behind + r.slope_ahead
         along = np.sum(tangent * r.contact, axis=1) / np.hypot(*tangent.T)

@@ -10,7 +10,7 @@ from cablefem import Scene
 from cablefem.newmark import Newton, State, Work, consistent_acceleration, integrate, scheme
 from cablefem.scene.drive import Drive
 from cablefem.stickslip import CarForces, RollingCar
-from tests.validation.test_laws import TOML, broken, ladder
+from tests.validation.test_laws import TOML, broken_laws, run_ladder
 
 MU, SIGMA = 0.7, 0.9
 WEIGHT = MU * SIGMA
@@ -57,7 +57,7 @@ class Block(RollingCar):
         return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
 
-def ride(block, steps=400):
+def last_state_and_event_times(block, steps=400):
     """Return the last state of a ride, and its events by name."""
     work, times = Work(), [np.linspace(t0, t1, steps) for t0, t1 in block.phases]
     last = list(integrate(block, scheme("trapezoidal"), times, newton=Newton(tol=1e-13), work=work))[-1]
@@ -67,7 +67,7 @@ def ride(block, steps=400):
     return last, found
 
 
-def braked():
+def braked_block_with_answer():
     """On an incline of 0.3, friction 0.05, down to a brake: rest zones as statics has them, then the exact answer."""
     brake, from_, start = 0.4, 0.5, 0.2
     block = Block(
@@ -80,8 +80,8 @@ def braked():
 
 
 def test_friction_and_a_brake_bring_a_block_to_rest():
-    block, times, place = braked()
-    last, found = ride(block)
+    block, times, place = braked_block_with_answer()
+    last, found = last_state_and_event_times(block)
     for name, t in times.items():
         assert found[name] == pytest.approx([t], abs=1e-5)
     assert last.q[0] == pytest.approx(place, abs=1e-6)
@@ -102,7 +102,7 @@ def test_a_block_breaks_loose_when_the_pull_exceeds_friction():
         departure_directions=((0.0, 1),),
         end_time=loose + 0.9,
     )
-    last, found = ride(block)
+    last, found = last_state_and_event_times(block)
     assert found["breaking loose"] == pytest.approx([loose], abs=1e-9)
     assert list(found) == ["breaking loose"]
     assert last.q[0] == pytest.approx(0.2 + rate * 0.9**3 / (6.0 * MU), abs=1e-5)
@@ -119,7 +119,7 @@ def test_a_block_turns_where_friction_cannot_hold_it_and_comes_back_slower():
     turn, top = ends + v / (weight + rub), s + 0.5 * v**2 / (weight + rub)
     down = weight - rub
     back = turn + math.sqrt(2.0 * (top - block.drive.rollback_end_position) / down)
-    _, found = ride(block)
+    _, found = last_state_and_event_times(block)
     assert found["standstill"] == pytest.approx([turn], abs=1e-5)
     assert found["turn"] == pytest.approx([turn], abs=1e-3)
     assert found["back"] == pytest.approx([back], abs=1e-4)
@@ -139,7 +139,7 @@ def test_a_block_that_creeps_into_a_valley_is_at_rest_there(friction):
         departure_directions=directions,
         end_time=2000.0,
     )
-    last, found = ride(block, steps=3000)
+    last, found = last_state_and_event_times(block, steps=3000)
     assert list(found)[-1] == "stop"
     assert abs(last.q[0] - edge) <= 2e-3
     moves = WEIGHT * k * 1e-3 / c  # speed where it is within rest_distance
@@ -149,14 +149,14 @@ def test_a_block_that_creeps_into_a_valley_is_at_rest_there(friction):
 
 def test_a_block_that_rolls_on_does_not_stop():
     block = Block(lambda s: 0.3, start=0.2, mu_r=0.05, end_position=0.9, departure_directions=((0.0, 1),))
-    _, found = ride(block)
+    _, found = last_state_and_event_times(block)
     a = SIGMA * (math.sin(0.3) - 0.05 * math.cos(0.3))
     assert list(found) == ["arrival"]
     assert found["arrival"] == pytest.approx([math.sqrt(2.0 * 0.7 / a)], abs=1e-5)
 
 
 def test_the_laws_hold_of_a_ride_that_a_brake_ends():
-    found = ladder(Scene.from_toml(TOML.replace("force = 40.0", "force = 900.0")), elements=6, steps=200)
-    assert not broken(found)
+    found = run_ladder(Scene.from_toml(TOML.replace("force = 40.0", "force = 900.0")), elements=6, steps=200)
+    assert not broken_laws(found)
     assert [x["event"] for x in found.finest.events][-2:] == ["brake", "stop"]
     assert found.finest.events[-1]["speed"] == 0.0

@@ -15,11 +15,11 @@ from tests.runs import (
     INCLINED,
     MODELS,
     STEEP,
-    cable,
-    march,
+    crossed_cable,
+    largest_and_rms_path_error,
+    march_with_positions,
     observe,
-    orders,
-    path_error,
+    observed_orders,
     tangent_defect,
 )
 from validation.oracles import moving_force, moving_mass
@@ -74,11 +74,11 @@ def test_a_jump_of_the_drive_is_a_jump_of_forces_in_balance(element, coupling, m
 
 # --- the taut string ----------------------------------------------------------------------------------------------
 MU, SIGMA, V = 1.3, 0.12, 0.35
-CROSSING = cable(mu=MU, sigma=SIGMA, c=0.5 * SIGMA, alpha=323.0, speed=V)
+CROSSING = crossed_cable(mu=MU, sigma=SIGMA, c=0.5 * SIGMA, alpha=323.0, speed=V)
 RIDE = moving_mass.solve_moving_mass(CROSSING.motion, mu=MU, sigma=SIGMA)
 
 
-def ride(t):
+def path_with_sag_curvature(t):
     """Path on the taut string, the mass heavier by 1 + V^2 from the sag's curvature."""
     return (1.0 + V * V) * RIDE.mass_displacement(t)
 
@@ -87,14 +87,15 @@ def test_the_constrained_particle_converges_with_order_one():
     """The kink under the mass lies inside an element: first order, whatever the degree.  P1 and P2: tests/oracles."""
     method, settings = RULES["hermite"]
     errors = np.array([
-        path_error(
-            FixedElements(CROSSING, elements=e, coupling="path", model="string"), 25 * e, ride, method, **settings
+        largest_and_rms_path_error(
+            FixedElements(CROSSING, elements=e, coupling="path", model="string"), 25 * e, path_with_sag_curvature,
+            method, **settings,
         )
         for e in (10, 20, 40)
     ])  # fmt: skip
     assert errors[-1, 0] < 8e-3
-    assert np.all(np.abs(orders(errors[:, 0]) - 1.0) < 0.15)
-    assert np.all(np.abs(orders(errors[:, 1]) - 1.0) < 0.15)
+    assert np.all(np.abs(observed_orders(errors[:, 0]) - 1.0) < 0.15)
+    assert np.all(np.abs(observed_orders(errors[:, 1]) - 1.0) < 0.15)
 
 
 def test_hermite_by_the_chain_rule_needs_ever_finer_steps():
@@ -105,9 +106,9 @@ def test_hermite_by_the_chain_rule_needs_ever_finer_steps():
 
     def time_error(elements, steps):
         particle = FixedElements(CROSSING, elements=elements, coupling="path", model="string")
-        states, _ = march(particle, 25 * elements, "generalized-alpha", until=0.81, rho_inf=0.5)
+        states, _ = march_with_positions(particle, 25 * elements, "generalized-alpha", until=0.81, rho_inf=0.5)
         limit = CubicSpline(states.t, observe(particle, states).path[:, 1])
-        return path_error(FixedElements(CROSSING, elements=elements, model="string"), steps, limit)[0]
+        return largest_and_rms_path_error(FixedElements(CROSSING, elements=elements, model="string"), steps, limit)[0]
 
     coarse = time_error(8, 400)
     assert 0.015 < coarse < 0.6 * time_error(16, 800)
@@ -118,11 +119,11 @@ def test_hermite_by_the_chain_rule_needs_ever_finer_steps():
 def test_the_constrained_particle_blows_up_without_damping(element):
     system = FixedElements(CROSSING, elements=20, element=element, coupling="path", model="string")
     try:
-        states, _ = march(system, 500, until=0.8)
+        states, _ = march_with_positions(system, 500, until=0.8)
         largest = np.abs(observe(system, states).path[:, 1]).max()
     except NewtonStalled:  # the numbers have outgrown the tolerance
         largest = math.inf
-    assert largest > 10.0 * ride(np.linspace(0.0, 0.8 / V, 200)).max()
+    assert largest > 10.0 * path_with_sag_curvature(np.linspace(0.0, 0.8 / V, 200)).max()
 
 
 @pytest.mark.parametrize(("element", "coupling"), [("p1", "naive"), ("p1", "path"), ("hermite", "chain")])
@@ -133,14 +134,14 @@ def test_a_massless_load_needs_no_care(element, coupling):
         return moving_force.displacement(V * t, t, P=MU * SIGMA, V=V)
 
     errors = np.array([
-        path_error(
+        largest_and_rms_path_error(
             FixedElements(CROSSING, elements=e, element=element, coupling=coupling, model="string", load="force"),
             20 * e, exact,
         )
         for e in (20, 40, 80)
     ])  # fmt: skip
     assert errors[-1, 0] < 0.03
-    assert np.all(np.abs(orders(errors[:, 1]) - 1.0) < 0.15)
+    assert np.all(np.abs(observed_orders(errors[:, 1]) - 1.0) < 0.15)
 
 
 # --- observation --------------------------------------------------------------------------------------------------
@@ -148,7 +149,7 @@ def test_a_massless_load_needs_no_care(element, coupling):
 def test_energy_is_what_the_drive_puts_in(model):
     """Chain-rule Hermite is Lagrange's equations of a cable of few unknowns: the power closes but for the time step."""
     system = FixedElements(INCLINED, elements=6, model=model)
-    states, _ = march(system, 2000, until=0.7)
+    states, _ = march_with_positions(system, 2000, until=0.7)
     o = observe(system, states)
     work = cumulative_trapezoid(o.power, states.t, initial=0.0)
     gained = o.energy - o.energy[0]
@@ -161,7 +162,7 @@ def test_energy_is_what_the_drive_puts_in(model):
 def test_fields_and_paths_belong_together(element, coupling):
     system = FixedElements(STEEP, elements=8, element=element, coupling=coupling)
     method, settings = RULES[element] if coupling == "path" else ("trapezoidal", {})
-    states, s_o = march(system, 300, method, until=0.4, **settings)
+    states, s_o = march_with_positions(system, 300, method, until=0.4, **settings)
     i = s_o.size - 1
     o = observe(system, states, [0.0, 0.25, s_o[i], 1.0], [0, i])
     # generalised-alpha holds the constraint inside the step, not at its end

@@ -7,9 +7,9 @@ import pytest
 
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.forms import assemble_residual
-from tests.runs import CRUISE, cable
+from tests.runs import CRUISE, crossed_cable
 
-SOFT = replace(cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.35), damping=0.6)
+SOFT = replace(crossed_cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.35), damping=0.6)
 
 
 @pytest.mark.parametrize("law", ["elastic", "tension-only"])

@@ -11,10 +11,10 @@ from cablefem.elements.kernels.banded import factorise_in_place, solve_in_place
 from cablefem.elements.observing import observe_cable
 from cablefem.elements.reference import reference_mesh, shape_polynomials
 from cablefem.newmark import State
-from tests.runs import LEVEL, cable, evaluate, stack
+from tests.runs import LEVEL, basis_values_and_derivatives, crossed_cable, stack_states
 
 DEGREES = range(1, 9)
-SOFT = cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.3)
+SOFT = crossed_cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.3)
 
 
 # --- reference meshes ----------------------------------------------------------------------------------------------
@@ -24,14 +24,14 @@ def test_tables_are_those_of_the_very_points(degree):
     ref, n_loc = reference_mesh(3, degree, 2.3), degree + 1
     tab = ref.forces
     x = tab[:, :, 0] - np.repeat([1.0, 0.0], 3)[:, None]
-    dofs, value, grad = evaluate(ref, x.ravel())
+    dofs, value, grad = basis_values_and_derivatives(ref, x.ravel())
     shape_table, slopes = (tab[:, :, at : at + n_loc].reshape(-1, n_loc).T for at in (2, 2 + n_loc))
     np.testing.assert_array_equal(dofs, np.repeat(ref.dofs, tab.shape[1], axis=0).T)
     # monomials cancel: the rounding is that of their coefficients, found by solving for them; slopes are degree/h times
     rounding = 30.0 * np.finfo(float).eps * np.abs(ref.shapes).sum(axis=1).max()
     np.testing.assert_allclose(value, shape_table, rtol=0.0, atol=rounding)
     np.testing.assert_allclose(grad, slopes, rtol=0.0, atol=rounding * degree / np.diff(ref.knots).min())
-    other = evaluate(ref, np.clip(x.ravel() + 1e-6, -1.0, 1.0))[1]
+    other = basis_values_and_derivatives(ref, np.clip(x.ravel() + 1e-6, -1.0, 1.0))[1]
     assert np.abs(other - shape_table).max() > 1e-7  # the check sees points that are a little off
 
 
@@ -40,7 +40,7 @@ def test_elements_hold_every_polynomial_of_their_degree(degree):
     """Among polynomials that are zero at the supports x = -1 and 1."""
     ref = reference_mesh(3, degree, 2.3)
     x, n = np.linspace(-1.0, 1.0, 120), ref.operators.shape[2]
-    dofs, value, grad = evaluate(ref, x)
+    dofs, value, grad = basis_values_and_derivatives(ref, x)
     N, N_x = np.zeros((x.size, n + 1)), np.zeros((x.size, n + 1))  # last column: supports
     for k in range(degree + 1):
         N[np.arange(x.size), dofs[k]] += value[k]
@@ -78,7 +78,7 @@ def test_hermite_tables_are_the_cubics_however_many_elements(elements):
 
 
 # --- forces are gradients of energies --------------------------------------------------------------------------------
-def gradient(energy, q):
+def gradient_by_differences(energy, q):
     step = 1e-6 * np.eye(q.size)
     return np.array([(energy(q + e) - energy(q - e)) / 2e-6 for e in step])
 
@@ -91,7 +91,7 @@ def test_the_internal_force_is_the_gradient_of_the_energy(model, law):
     still = 0.0 * q
 
     def seen(x, of=system):
-        return observe_cable(of, np.array([[0.37], [0.0], [0.0]]), stack([State(0.5, x, still, still)]))
+        return observe_cable(of, np.array([[0.37], [0.0], [0.0]]), stack_states([State(0.5, x, still, still)]))
 
     def energy(x):
         return float((seen(x).strain + seen(x).potential)[0])
@@ -100,7 +100,9 @@ def test_the_internal_force_is_the_gradient_of_the_energy(model, law):
         return of.residual(0.5, q, still, still, 0) - of.residual(0.5, still, still, still, 0)
 
     # central differences: 1e-12 alpha of truncation, 1e-16/1e-6 of rounding
-    np.testing.assert_allclose(pull(system), gradient(energy, q), rtol=0.0, atol=1e-7 * np.abs(pull(system)).max())
+    np.testing.assert_allclose(
+        pull(system), gradient_by_differences(energy, q), rtol=0.0, atol=1e-7 * np.abs(pull(system)).max()
+    )
     if model == "full":
         assert system.min_tension_and_position[0] > seen(q).tension_min[0] < 0.0
         other = system.with_law("elastic" if law == "tension-only" else "tension-only")

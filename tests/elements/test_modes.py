@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cablefem.elements.modes import scaled_frequencies
-from tests.runs import LEVEL, STEEP, cable
+from tests.runs import LEVEL, STEEP, crossed_cable
 from validation.oracles import catenary_modes, irvine
 
 # collocation of the linearised catenary, u and v; sigma = 0.1688832, alpha = 844.416 (Henghold; Wu & Chen)
@@ -35,7 +35,7 @@ def test_frequencies_converge_from_above_with_twice_the_degree(degree, elements)
     assert np.all(np.abs(np.log2(errors[0] / errors[1])[readable] - 2.0 * degree) < 0.3)
 
 
-@pytest.mark.parametrize("groups", [STEEP, cable(mu=0.7, sigma=1.9, c=1.1, alpha=57.0, speed=0.3)])
+@pytest.mark.parametrize("groups", [STEEP, crossed_cable(mu=0.7, sigma=1.9, c=1.1, alpha=57.0, speed=0.3)])
 def test_steep_and_deep_cables(groups):
     exact = catenary_modes.solve_modes(groups.sigma, groups.alpha, groups.c, count=8).omega
     # modes of a deep cable are less smooth

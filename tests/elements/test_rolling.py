@@ -21,19 +21,19 @@ from cablefem.newmark import (
     step_times_by_phase,
 )
 from cablefem.scene.statics import gripped_rest
-from tests.runs import LEVEL, stack
+from tests.runs import LEVEL, stack_states
 from validation import run
 from validation.oracles import ellipse
 
 
-def zip_line(mass=95.0, **drive):
+def zip_line_scene(mass=95.0, **drive):
     """Return the zip line of 300 m; drag throughout unless said otherwise."""
     drive = {"mode": "free", "start": 2.0, "drag_area": 0.6, "end": {"time": 60.0}} | drive
     cable = {"mass_per_length": 1.1, "EA": 1.2e7, "sag": 6.0}
     return Scene(cable=cable, supports={"span": 300.0, "drop": 15.0}, mass={"mass": mass}, drive=drive)
 
 
-ZIP = zip_line()
+ZIP = zip_line_scene()
 FAST = Scene(
     cable={"mass_per_length": 13.3, "EA": 2.52e8, "horizontal_tension": 4.5e5}, mass={"mass": 8100.0},
     supports={"span": 700.0, "drop": -341.0}, drive={"mode": "haul"},
@@ -47,7 +47,7 @@ DAMPED = {"method": "generalized-alpha", "rho_inf": 0.9}
 def lagrangian(system, q, v):
     """L of cable and car at unknowns (q, s_o) and their rates, from the energies."""
     g, s_o, ds = system.groups, q[-1], v[-1]
-    cable = observe_cable(system, np.array([[s_o], [ds], [0.0]]), stack([State(0.0, q, v, 0.0 * q)]))
+    cable = observe_cable(system, np.array([[s_o], [ds], [0.0]]), stack_states([State(0.0, q, v, 0.0 * q)]))
     _, xp, yp, _, _ = g.tension_and_shape_derivatives(s_o)
     m = 2 * system.node
     velocity = v[m : m + 2] + ds * np.array([xp, yp])
@@ -56,7 +56,7 @@ def lagrangian(system, q, v):
     return energy + 0.5 * g.mu * velocity @ velocity + g.mu * g.sigma * depth
 
 
-def by_differences(system, q, v, a):
+def lagrange_by_differences(system, q, v, a):
     """Return d/dt dL/dv - dL/dq by central differences, along q + t v + t^2 a/2."""
 
     def gradient(f, x, h):
@@ -69,7 +69,7 @@ def by_differences(system, q, v, a):
     return (momentum[0] - momentum[1]) / (2.0 * h) - gradient(lambda x: lagrangian(system, x, v), q, 1e-6)
 
 
-def some_state(system, size=0.004):
+def random_rolling_state(system, size=0.004):
     rng = np.random.default_rng(61)
     q, v, a = (f * rng.standard_normal(system.n_dof) for f in (size, 0.1, 0.7))
     q[-1], v[-1], a[-1] = 0.37, 0.31, -0.23
@@ -80,8 +80,8 @@ def some_state(system, size=0.004):
 def test_the_rows_are_lagranges_equations(law):
     groups = replace(G, alpha=83.0, drive=replace(G.drive, k=0.0))
     system = RollingElements(groups, elements=3, degree=2, grading=1.4, law=law)
-    q, v, a = some_state(system, 0.01)
-    r, want = system.residual(0.4, q, v, a, 0), by_differences(system, q, v, a)
+    q, v, a = random_rolling_state(system, 0.01)
+    r, want = system.residual(0.4, q, v, a, 0), lagrange_by_differences(system, q, v, a)
     if law == "tension-only":
         assert np.abs(r - RollingElements(groups, elements=3, grading=1.4).residual(0.4, q, v, a, 0)).max() > 1e-2
     # differences of second order at 1e-4 and rounding of 1e-16/1e-6 in L
@@ -99,7 +99,7 @@ def test_the_tangent_is_the_derivative_of_the_residual(drive):
     # left out: friction by velocity; by place the turning of the tangent and parts of the corner
     for mu_r, c, bound in ((0.3, (0.0, 0.0, 1.3), 1e-6), (0.0, (0.0, 0.9, 1.3), 1e-6), (0.0, (1e-4, 0.05, 1.3), 1e-3)):
         system = RollingElements(replace(groups, drive=replace(forces, mu_r=mu_r)), elements=3, degree=3, grading=1.4)
-        q, v, a = some_state(system, 1e-4)
+        q, v, a = random_rolling_state(system, 1e-4)
         x = rng.standard_normal(system.n_dof)
         _, solve = system.linearise(0.9, q, v, a, 0, *c)
         near = [system.residual(0.9, q + h * c[0] * x, v + h * c[1] * x, a + h * c[2] * x, 0) for h in (1e-6, -1e-6)]
@@ -112,7 +112,7 @@ def test_steps_are_those_of_the_interpreted_iteration():
     other.solve_step = lambda *step: newmark_step(other, *step[:-1], step[-1]._replace(patience=0))
     work, same = Work(), Work()
     states, want = (
-        stack(list(integrate(s, scheme("generalized-alpha", rho_inf=0.9), [np.linspace(0.0, 3.0, 61)], work=w)))
+        stack_states(list(integrate(s, scheme("generalized-alpha", rho_inf=0.9), [np.linspace(0.0, 3.0, 61)], work=w)))
         for s, w in ((one, work), (other, same))
     )
     assert np.abs(states.q - want.q).max() < 1e-9
@@ -165,7 +165,7 @@ def test_compiled_collocation_of_a_ride_is_that_of_its_residuals_and_tangents(mo
         def collocate_steps(self, *step):
             return collocate_first_step(self, *step)
 
-    groups = zip_line(rolling_friction=0.02).groups if mode == "free" else Scene.load("tramway").groups
+    groups = zip_line_scene(rolling_friction=0.02).groups if mode == "free" else Scene.load("tramway").groups
     ends, works = [], []
     for cls in (Plain, RollingElements):
         system, work = cls(groups, elements=3), Work()
@@ -203,7 +203,7 @@ def test_a_ride_in_strides_is_the_one_step_by_step(settings):
     thrust = {"times": [0.0, 6.0, 11.0], "forces": [40.0, 90.0, 0.0]}
     brake = [{"from": 110.0, "force": 23.0}, {"from": 160.0, "force": 12.0}]
     drive = {"rolling_friction": 0.013, "thrust": thrust, "brake": brake, "release": 1.5, "end": {"place": 185.0}}
-    groups, newton = zip_line(**drive).groups, Newton(tol=1e-7)
+    groups, newton = zip_line_scene(**drive).groups, Newton(tol=1e-7)
 
     def places(grids, **kind):
         system, work = RollingElements(groups, elements=4), Work()
@@ -227,7 +227,7 @@ def test_a_ride_in_strides_is_the_one_step_by_step(settings):
 
 def test_a_heavy_car_slips_on_until_the_farther_support_answers():
     """It gains little on its first jump: ringing heeded after half of that time would still stop it."""
-    scene = zip_line(2000.0, rolling_friction=0.02, end={"time": 0.15})
+    scene = zip_line_scene(2000.0, rolling_friction=0.02, end={"time": 0.15})
     coarse, fine = (
         run(scene, "following-p2", elements=n, steps=m, scheme="radau").speed[-1] for n, m in ((20, 200), (40, 1000))
     )

@@ -24,13 +24,13 @@ from tests.runs import DAMPED, LEVEL, STEEP
 from validation.core.running import Run
 
 
-def interpreted(system):
+def without_compiled_steps(system):
     """Return the system with nothing compiled but its residuals and tangents."""
     system.solve_step, system.solve_steps = lambda *step: newmark_step(system, *step), lambda *steps: NO_STEPS
     return system
 
 
-def history(system, steps, rule):
+def positions_work_and_tensions(system, steps, rule):
     """Return q at the end of each step up to where the run ends, the work, and the least tensions that are told."""
     work, q, least = Work(), [], []
     try:
@@ -46,8 +46,11 @@ def history(system, steps, rule):
 @pytest.mark.parametrize("model", ["full", "string", "sagged", "stretching"])
 def test_steps_are_those_of_the_interpreted_iteration(model, rule):
     kind = {"elements": 4, "model": model}
-    one, other = FollowingElements(DAMPED, **kind), interpreted(FollowingElements(DAMPED, **kind))
-    (q, work, least), (want, same_work, same_least) = history(one, 90, rule), history(other, 90, rule)
+    one, other = FollowingElements(DAMPED, **kind), without_compiled_steps(FollowingElements(DAMPED, **kind))
+    (q, work, least), (want, same_work, same_least) = (
+        positions_work_and_tensions(one, 90, rule),
+        positions_work_and_tensions(other, 90, rule),
+    )
     assert q.shape == want.shape
     # the same operations in another order; the Newton iterations end at 1e-4 of the load, far above rounding
     assert np.abs(q - want).max() <= 1e-9 * np.abs(want).max()
@@ -59,7 +62,10 @@ def test_steps_are_those_of_the_interpreted_iteration(model, rule):
 
 def test_a_slack_cable_whose_corrections_are_halved_and_steps_cut_ends_the_same_way():
     """The elastic law past the slack onset: guesses are dropped, corrections halved, steps cut, and the run stalls."""
-    runs = [history(s, 240, "trapezoidal") for s in (FollowingElements(LEVEL), interpreted(FollowingElements(LEVEL)))]
+    runs = [
+        positions_work_and_tensions(s, 240, "trapezoidal")
+        for s in (FollowingElements(LEVEL), without_compiled_steps(FollowingElements(LEVEL)))
+    ]
     (q, work, _), (want, same_work, _) = runs
     assert work.residuals > work.newton_iterations, "nothing was halved: the test shows nothing"
     assert min(work.rejected, same_work.rejected) > 0
@@ -72,8 +78,11 @@ def test_a_slack_cable_whose_corrections_are_halved_and_steps_cut_ends_the_same_
 @pytest.mark.parametrize("element", ["hermite", "p1"])
 def test_so_are_those_of_elements_the_mass_moves_through(element):
     kind = {"elements": 9, "element": element, "coupling": "chain" if element == "hermite" else "naive"}
-    one, other = FixedElements(STEEP, **kind), interpreted(FixedElements(STEEP, **kind))
-    (q, work, _), (want, same_work, _) = history(one, 90, "newmark"), history(other, 90, "newmark")
+    one, other = FixedElements(STEEP, **kind), without_compiled_steps(FixedElements(STEEP, **kind))
+    (q, work, _), (want, same_work, _) = (
+        positions_work_and_tensions(one, 90, "newmark"),
+        positions_work_and_tensions(other, 90, "newmark"),
+    )
     assert np.abs(q - want).max() <= 1e-9 * np.abs(want).max()
     assert work == same_work
 

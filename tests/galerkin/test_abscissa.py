@@ -12,17 +12,17 @@ from galerkin.abscissa import SystemOverPosition
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
 from tests.galerkin.test_equations import PLACE, STEEP
-from tests.runs import CRUISE, INCLINED, LEVEL, march, stack, tangent_defect
+from tests.runs import CRUISE, INCLINED, LEVEL, march_with_positions, stack_states, tangent_defect
 
 
-def travel(system, steps, until=0.8):
+def states_up_to_position(system, steps, until=0.8):
     """States in s_o up to a place, stacked."""
     states = []
     for x in integrate(system, scheme("trapezoidal"), step_times_by_phase(system, steps)):
         states.append(x)
         if x.t > until:
             break
-    return stack(states)
+    return stack_states(states)
 
 
 @pytest.mark.parametrize("kink", [False, True])
@@ -72,12 +72,12 @@ def test_start_from_rest_tends_to_the_papers():
 def test_path_is_that_of_time(groups, kink):
     """At speed, from rest, with jumps of acceleration: steps of t and of s_o meet in one path."""
     system = GalerkinSystem(groups, Fourier(8), kink=kink)
-    states, s_o = march(system, 800, until=0.41)
+    states, s_o = march_with_positions(system, 800, until=0.41)
     fine = system.observe(states, s_o[:1], np.arange(0)).path[:, 1]
     wrapped = SystemOverPosition(system)
 
     def gap(steps):
-        x = travel(wrapped, steps, until=0.4)
+        x = states_up_to_position(wrapped, steps, until=0.4)
         v = wrapped.observe(wrapped.states_over_time(x), s_o[:1], np.arange(0)).path[:, 1]
         return np.sqrt(np.mean((v - np.interp(x.t, s_o, fine)) ** 2)) / np.abs(fine).max()
 
@@ -87,7 +87,7 @@ def test_path_is_that_of_time(groups, kink):
 
 def test_states_in_time():
     wrapped = SystemOverPosition(GalerkinSystem(CRUISE, Fourier(5), kink=True))
-    x = travel(wrapped, 60, until=0.5)
+    x = states_up_to_position(wrapped, 60, until=0.5)
     y = wrapped.states_over_time(x)
     at = [CRUISE.motion.position_with_rates(t, k) for t, k in zip(y.t, y.phase, strict=True)]
     s_o, ds_o, dds_o = np.array(at).T

@@ -40,7 +40,7 @@ def witness_filter(p):
 
 
 @cache
-def witness_start(p, derivative):
+def witness_at_integers(p, derivative):
     """phi, phi' (derivative 1) or the integral of phi (derivative -1) at 0 .. R-1."""
     h, R = witness_filter(p), 2 * p - 1
     scale = mp.mpf(2) ** derivative
@@ -60,53 +60,53 @@ def witness_start(p, derivative):
 
 
 @cache
-def witness_walk(p, x, derivative):
+def witness_at_unit_shifts(p, x, derivative):
     """phi (or its derivative, or its integral) at x, x + 1, .. x + R - 1 for an exact mpf 0 <= x < 1."""
     h, R = witness_filter(p), 2 * p - 1
     if x == 0:
-        return witness_start(p, derivative)
+        return witness_at_integers(p, derivative)
     digit = int(2 * x)
-    v = witness_walk(p, 2 * x - digit, derivative)
+    v = witness_at_unit_shifts(p, 2 * x - digit, derivative)
     at = [v[q] if q < R else int(derivative < 0) for q in range(2 * R)]
     scale = mp.mpf(2) ** derivative
     return [scale * mp.fsum(h[k] * at[2 * i - k + digit] for k in range(min(R, 2 * i + digit) + 1)) for i in range(R)]
 
 
-def witness_psi(p, y, derivative):
+def witness_wavelet(p, y, derivative):
     """theta (-1), psi (0) or psi' (1) at an exact mpf y, psi(y) = sum (-1)^k h_(R-k) phi(2y - k)."""
     h, R = witness_filter(p), 2 * p - 1
 
     def phi(y):
         if y <= 0 or y >= R:
             return mp.mpf(int(y > 0 and derivative < 0))
-        return witness_walk(p, y - int(y), derivative)[int(y)]
+        return witness_at_unit_shifts(p, y - int(y), derivative)[int(y)]
 
     return mp.mpf(2) ** derivative * sum((-1) ** k * h[R - k] * phi(2 * y - k) for k in range(R + 1))
 
 
-def places(p, level):
+def scales_and_shifts(p, level):
     """(j, k) of the paper's functions, (37)."""
     R = 2 * p - 1
     return [(-1, k) for k in range(1 - R, p)] + [(j, k) for j in range(level) for k in range(p - R, 2**j * R - p + 1)]
 
 
-def printed(p, level, s, derivative=0):
+def paper_basis_functions(p, level, s, derivative=0):
     """Theta_jk of (39) at x = R s rounded to a float, or its derivative with respect to s, (n_s, count)."""
     R, columns = 2 * p - 1, []
     with mp.workdps(WITNESS_DIGITS):
-        for j, k in places(p, level):
-            two_j, left = mp.mpf(2) ** j, witness_psi(p, mp.mpf(-k), -1)
-            rise = witness_psi(p, two_j * R - k, -1) - left
+        for j, k in scales_and_shifts(p, level):
+            two_j, left = mp.mpf(2) ** j, witness_wavelet(p, mp.mpf(-k), -1)
+            rise = witness_wavelet(p, two_j * R - k, -1) - left
             line = (lambda x, a=left, b=rise: a + x / R * b, lambda x, b=rise: b / R, lambda x: 0)[derivative]
             scale = mp.mpf(R) ** derivative / mp.sqrt(two_j)
             columns.append([
-                float(scale * (witness_psi(p, two_j * x - k, derivative - 1) * two_j**derivative - line(x)))
+                float(scale * (witness_wavelet(p, two_j * x - k, derivative - 1) * two_j**derivative - line(x)))
                 for x in (mp.mpf(float(at) * R) for at in s)
             ])  # fmt: skip
     return np.array(columns).T
 
 
-def sides(basis, cut):
+def quadrature_of_sides(basis, cut):
     """The rules on both sides of a mass."""
     s, w, _ = basis.side_quadrature_with_slopes(cut)
     left = s < cut
@@ -123,7 +123,7 @@ def composite_gauss(edges, n):
     return (edges[:-1, None] + 0.5 * h[:, None] * (1.0 + x)).ravel(), (0.5 * h[:, None] * w).ravel()
 
 
-def fine_rule(basis, a=0.0, b=1.0, pieces=512):
+def fine_quadrature(basis, a=0.0, b=1.0, pieces=512):
     """Two points on each of `pieces` parts of a cell, cut at a and b; for sines 12 points per half wave: rounding."""
     if isinstance(basis, Fourier):
         return composite_gauss(np.linspace(a, b, basis.n + 1), 12)
@@ -131,7 +131,7 @@ def fine_rule(basis, a=0.0, b=1.0, pieces=512):
     return composite_gauss(np.concatenate([[a], grid[(grid > a) & (grid < b)], [b]]), 2)
 
 
-def fine_rule_error(basis, exponent, pieces=512):
+def fine_quadrature_error(basis, exponent, pieces=512):
     """Relative error to expect of `fine_rule`: pieces^-(exponent + 1), at best order 4, for a Hoelder exponent."""
     return 1e-13 if isinstance(basis, Fourier) else 1e-13 + 10.0 * float(pieces) ** -min(exponent + 1.0, 4.0)
 
@@ -143,7 +143,7 @@ def fine_rule_error(basis, exponent, pieces=512):
 def test_the_basis_spans_the_papers_functions_with_their_derivatives(p, level):
     """Over each function's own maximum, at any float; the witness takes the same rounding of R s."""
     basis, grid = Daubechies(p, level), np.arange(65) / 64.0
-    values = printed(p, level, grid)
+    values = paper_basis_functions(p, level, grid)
     values /= (size := np.abs(values).max(axis=0))
     weights, mirrored = (np.linalg.lstsq(basis.phi(s), values, rcond=None)[0] for s in (grid, 1.0 - grid))
     rounding = 1e-12 if p <= 6 else 1e-11  # the functions of high orders are nearly dependent
@@ -153,7 +153,7 @@ def test_the_basis_spans_the_papers_functions_with_their_derivatives(p, level):
     allowed = 1e-11 if p <= 6 and level < 2 else 1e-8  # rounding of the weights, on kernels without fused products too
     for derivative in range(3 if p > 2 else 2):
         largest = np.abs(basis.phi(grid, derivative) @ weights).max(axis=0)
-        gap = basis.phi(anywhere, derivative) @ weights - printed(p, level, anywhere, derivative) / size
+        gap = basis.phi(anywhere, derivative) @ weights - paper_basis_functions(p, level, anywhere, derivative) / size
         assert np.abs(gap / largest).max() < allowed
 
 
@@ -168,32 +168,32 @@ def test_there_is_no_second_derivative_for_order_two():
 
 def test_the_literal_set_is_independent():
     for p, level in itertools.product(ORDERS, range(5)):
-        assert Daubechies(p, level).n == 2**level * (2 * p - 1) + p - 1 == len(places(p, level))
+        assert Daubechies(p, level).n == 2**level * (2 * p - 1) + p - 1 == len(scales_and_shifts(p, level))
 
 
 def test_shifted_reading_shows_its_lost_rank():
     """psi on [1-p, p]; ranks confirmed by elimination in 80 digits."""
     bases = [Daubechies(4, level, "shifted") for level in range(3)]
-    counts = [len(places(4, level)) for level in range(3)]
+    counts = [len(scales_and_shifts(4, level)) for level in range(3)]
     assert [(count, b.n) for count, b in zip(counts, bases, strict=True)] == [(10, 7), (17, 13), (31, 25)]
     assert bases[2].phi(np.array([0.2, 0.7])).shape == (2, 25)
 
 
-def sine_error(basis):
+def relative_sine_error(basis):
     """|f - best|/|f| in the H1 seminorm, f = sin pi s; int f' phi' = pi^2 int f phi, a smooth integral."""
-    s, w = fine_rule(basis, pieces=16)
+    s, w = fine_quadrature(basis, pieces=16)
     best = np.linalg.solve(basis.stiffness_matrix(), np.pi**2 * (w * np.sin(np.pi * s)) @ basis.phi(s))
     return float(np.sqrt(2.0 * w @ (np.cos(np.pi * s) - basis.phi(s, 1) @ best / np.pi) ** 2))
 
 
 def test_literal_set_converges_and_scaling_reading_stalls():
     """Four vanishing moments: the best approximation of a smooth slope gains nearly four binary digits a level."""
-    literal = np.array([sine_error(Daubechies(4, level)) for level in range(5)])
+    literal = np.array([relative_sine_error(Daubechies(4, level)) for level in range(5)])
     assert np.all(literal[1:] < literal[:-1] / 10.0)
     assert literal[0] < 2e-3
-    scaling = [sine_error(Daubechies(4, level, "scaling")) for level in range(4)]
+    scaling = [relative_sine_error(Daubechies(4, level, "scaling")) for level in range(4)]
     assert min(scaling) > 0.1
-    assert min(sine_error(Daubechies(4, level, "shifted")) for level in range(3)) > 0.5
+    assert min(relative_sine_error(Daubechies(4, level, "shifted")) for level in range(3)) > 0.5
 
 
 # --- what every basis promises -----------------------------------------------------------------------------------
@@ -207,7 +207,7 @@ BASES = [
 every_basis = pytest.mark.parametrize("basis", BASES, ids=repr)
 
 
-def roughness(basis):
+def hoelder_exponent(basis):
     """Hoelder exponent of phi' (Fourier: any)."""
     return {2: 0.55, 3: 1.08}.get(basis.order, 1.6) if isinstance(basis, Daubechies) else 5.0
 
@@ -230,10 +230,10 @@ def test_slopes_on_both_sides_of_a_mass_are_the_slopes(basis: Basis):
 def test_each_function_is_the_integral_of_the_next(basis: Basis):
     """From the second primitive to phi'' (phi' where it is too rough), over a piece that ends at no special places."""
     a, b = 0.1373, 0.8119
-    s, w = fine_rule(basis, a, b)
+    s, w = fine_quadrature(basis, a, b)
     for m in range(-1, 3 if basis.has_second_derivative else 2):
         rise, integral = np.diff(basis.phi(np.array([a, b]), m - 1), axis=0)[0], w @ basis.phi(s, m)
-        allowed = fine_rule_error(basis, roughness(basis) + 1 - m) * abs(basis.phi(s, m)).max()
+        allowed = fine_quadrature_error(basis, hoelder_exponent(basis) + 1 - m) * abs(basis.phi(s, m)).max()
         assert abs(integral - rise).max() < allowed
         assert abs(2.0 * integral - rise).max() > allowed  # the twin
 
@@ -241,22 +241,28 @@ def test_each_function_is_the_integral_of_the_next(basis: Basis):
 @every_basis
 def test_mass_stiffness_and_integral_against_a_fine_rule(basis: Basis):
     """phi'^2 is no smoother than phi', so this rule sees the stiffness to 1e-6 only."""
-    s, w = fine_rule(basis)
+    s, w = fine_quadrature(basis)
     values, slopes = basis.phi(s), basis.phi(s, 1)
     mass, size = values.T @ (w[:, None] * values), abs(basis.mass_matrix()).max()
-    assert abs(mass - basis.mass_matrix()).max() < fine_rule_error(basis, roughness(basis) + 1.0) * size
-    assert abs(1.0001 * mass - basis.mass_matrix()).max() > fine_rule_error(basis, roughness(basis) + 1.0) * size
-    allowed = fine_rule_error(basis, roughness(basis) + 1.0) * abs(values).max()
+    assert abs(mass - basis.mass_matrix()).max() < fine_quadrature_error(basis, hoelder_exponent(basis) + 1.0) * size
+    assert (
+        abs(1.0001 * mass - basis.mass_matrix()).max()
+        > fine_quadrature_error(basis, hoelder_exponent(basis) + 1.0) * size
+    )
+    allowed = fine_quadrature_error(basis, hoelder_exponent(basis) + 1.0) * abs(values).max()
     assert abs(w @ values - basis.integrals()).max() < allowed
     stiffness = slopes.T @ (w[:, None] * slopes) - basis.stiffness_matrix()
-    assert abs(stiffness).max() < fine_rule_error(basis, roughness(basis)) * abs(basis.stiffness_matrix()).max()
+    assert (
+        abs(stiffness).max()
+        < fine_quadrature_error(basis, hoelder_exponent(basis)) * abs(basis.stiffness_matrix()).max()
+    )
 
 
 @settings(max_examples=20, deadline=None)
 @given(cut=st.floats(1e-6, 1.0 - 1e-6), which=st.integers(0, len(BASES) - 1))
 def test_pieces_of_a_rule_add_up_to_the_cable(cut, which):
     """Weights positive, points inside, 1 and s exact on each piece wherever the mass is."""
-    for (a, b), (s, w) in zip(((0.0, cut), (cut, 1.0)), sides(BASES[which], cut), strict=True):
+    for (a, b), (s, w) in zip(((0.0, cut), (cut, 1.0)), quadrature_of_sides(BASES[which], cut), strict=True):
         assert np.all(w > 0.0)
         assert s.min() >= a
         assert s.max() <= b
@@ -278,10 +284,10 @@ def test_sine_rules_are_exact_on_each_side_and_n_plus_12_points_are_not():
         )
 
     for cut in (0.02, 0.4, 0.97):
-        assert gap(sides(basis, cut)) < 1e-12
+        assert gap(quadrature_of_sides(basis, cut)) < 1e-12
     assert gap([basis.quadrature()]) < 1e-12
     few = leggauss(basis.n + 12)
-    assert gap([(0.97 * 0.5 * (1.0 + few[0]), 0.97 * 0.5 * few[1]), sides(basis, 0.97)[1]]) > 1e-2
+    assert gap([(0.97 * 0.5 * (1.0 + few[0]), 0.97 * 0.5 * few[1]), quadrature_of_sides(basis, 0.97)[1]]) > 1e-2
 
 
 # --- refusals ----------------------------------------------------------------------------------------------------

@@ -11,36 +11,36 @@ from cablefem.newmark import Newton, State, newmark_step
 from cablefem.scene.motion import Motion, Piece
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
-from tests.runs import cable, tangent_defect
+from tests.runs import crossed_cable, tangent_defect
 
 # Enters at 0.31, speeds up, at t = 1.3 starts to brake: every term of (22), (23), (27) and a jump of acceleration.
 FIRST = Piece(0.0, 0.0, 0.0, 0.31, 0.07, 0.011)
 PLACE, SPEED, _ = FIRST(1.3)
 MOTION = Motion(((0.0, 1.3), (1.3, 2.1)), ((FIRST,), (Piece(1.3, 1.3, PLACE, SPEED, -0.13, 0.0),)), 1.0)
-STEEP = replace(cable(mu=0.73, sigma=0.31, c=0.52, alpha=290.0, speed=0.4), motion=MOTION)
+STEEP = replace(crossed_cable(mu=0.73, sigma=0.31, c=0.52, alpha=290.0, speed=0.4), motion=MOTION)
 DAMPED = replace(STEEP, damping=0.83)
 MODELS = ("full", "string", "sagged", "stretching")
 ROUGH = Daubechies(2, 1)
 X, W = leggauss(150)
 
 
-def halves(s_o):
+def gauss_points_of_sides(s_o):
     """150 Gauss points on each side of the mass: more than any function of these tests needs."""
     s = np.concatenate([0.5 * s_o * (1.0 + X), s_o + 0.5 * (1.0 - s_o) * (1.0 + X)])
     return s, np.concatenate([0.5 * s_o * W, 0.5 * (1.0 - s_o) * W])
 
 
-def hat(s, s_o):
+def hat_function(s, s_o):
     return np.where(s <= s_o, s / s_o, (1.0 - s) / (1.0 - s_o))
 
 
-def shapes(system, s, s_o):
+def basis_functions_and_rates(system, s, s_o):
     """Phi (n_s, n), Phi' and dPhi/ds_o, from the definition."""
     basis = system.basis.basis
     phi, slope, rate = basis.phi(s), basis.phi(s, 1), np.zeros((s.size, basis.n))
     if system.kink:
         left = s <= s_o
-        phi = np.column_stack([phi, hat(s, s_o)])
+        phi = np.column_stack([phi, hat_function(s, s_o)])
         slope = np.column_stack([slope, np.where(left, 1.0 / s_o, -1.0 / (1.0 - s_o))])
         rate = np.column_stack([rate, np.where(left, -s / s_o**2, (1.0 - s) / (1.0 - s_o) ** 2)])
     return phi, slope, rate
@@ -51,7 +51,7 @@ def random_state(system, seed, size=0.02):
 
 
 # --- inertia: Lagrange's equations from the kinetic energy alone ---------------------------------------------------
-def static(system, s):
+def static_shape_and_slope(system, s):
     """X, X' as the model's load sees them, (fields, ...)."""
     g = system.groups
     if system.fields == 2:
@@ -63,18 +63,18 @@ def static(system, s):
 def kinetic_energy(system, t, phase, q, v):
     """1/2 int |w.|^2 ds + 1/2 mu |dp/dt|^2 by quadrature, from (1)."""
     s_o, ds_o, _ = system.motion.position_with_rates(t, phase)
-    s, w = halves(s_o)
+    s, w = gauss_points_of_sides(s_o)
     Q, V = q.reshape(system.fields, -1), v.reshape(system.fields, -1)
-    phi, _, rate = shapes(system, s, s_o)
+    phi, _, rate = basis_functions_and_rates(system, s, s_o)
     velocity = V @ phi.T + ds_o * (Q @ rate.T)
-    values, slopes = (x[0] for x in shapes(system, np.array([s_o]), s_o)[:2])
+    values, slopes = (x[0] for x in basis_functions_and_rates(system, np.array([s_o]), s_o)[:2])
     if system.kink:  # followed along the path the hat stays 1
         values[-1], slopes[-1] = 1.0, 0.0
-    p = V @ values + ds_o * (Q @ slopes + static(system, s_o)[1])
+    p = V @ values + ds_o * (Q @ slopes + static_shape_and_slope(system, s_o)[1])
     return 0.5 * np.sum(velocity**2 @ w) + 0.5 * system.inertia * p @ p
 
 
-def lagrange(system, t, phase, q, v, a):
+def inertia_by_lagrange(system, t, phase, q, v, a):
     """d/dt dT/dv - dT/dq of that energy along q + v t + a t^2/2: T is quadratic, so differences in q, v are exact."""
     unit = np.eye(q.size)
 
@@ -95,16 +95,16 @@ def lagrange(system, t, phase, q, v, a):
     return rate - np.array(force)
 
 
-def inertia_terms(system, t, phase, q, v, a):
+def inertia_of_residual(system, t, phase, q, v, a):
     """The residual without internal force and weight."""
     s_o = system.motion.position_with_rates(t, phase)[0]
     weight = np.multiply.outer(system.mu * system.cable.weight, system.basis.inertia_terms(s_o, 0.0, 0.0).f)
     tables = system.instant(t, phase).tables
-    internal = system.cable.internal_force_and_tensions(tables, q_of(system, q))[0]
+    internal = system.cable.internal_force_and_tensions(tables, amplitudes_of_fields(system, q))[0]
     return system.residual(t, q, v, a, phase) - (internal - weight).ravel()
 
 
-def q_of(system, q):
+def amplitudes_of_fields(system, q):
     return q[: system.n_modal].reshape(system.fields, system.n)
 
 
@@ -117,11 +117,11 @@ def test_inertia_terms_are_lagranges(model, load, kink):
     for t, phase in ((0.7, 0), (1.7, 1)):
         x = random_state(system, 5, 0.3)
         np.testing.assert_allclose(
-            inertia_terms(system, t, phase, *x), lagrange(system, t, phase, *x), rtol=0.0, atol=3e-9
+            inertia_of_residual(system, t, phase, *x), inertia_by_lagrange(system, t, phase, *x), rtol=0.0, atol=3e-9
         )
         if kink or load == "mass":
-            late = lagrange(system, t + 1e-3, phase, *x)
-            assert np.abs(inertia_terms(system, t, phase, *x) - late).max() > 1e-6
+            late = inertia_by_lagrange(system, t + 1e-3, phase, *x)
+            assert np.abs(inertia_of_residual(system, t, phase, *x) - late).max() > 1e-6
 
 
 @pytest.mark.parametrize("kink", [False, True])
@@ -132,7 +132,7 @@ def test_path_form_is_the_chain_rule(kink):
     q, v, a = random_state(smooth, 8)
     t, phase = 0.9, 0
     x = smooth.instant(t, phase).inertia_terms
-    Q, V, A = (q_of(smooth, y) for y in (q, v, a))
+    Q, V, A = (amplitudes_of_fields(smooth, y) for y in (q, v, a))
     w_p = Q @ x.f, V @ x.f + 0.5 * Q @ x.f_v, A @ x.f + V @ x.f_v + Q @ x.f_q
     r = path.residual(t, *(np.concatenate([y, z]) for y, z in zip((q, v, a), w_p, strict=True)), phase)
     np.testing.assert_allclose(r[:-2], smooth.residual(t, q, v, a, phase), rtol=0.0, atol=1e-13)
@@ -154,13 +154,13 @@ class Rough:
 
 
 # --- internal force ----------------------------------------------------------------------------------------------
-def printed_force(system, s_o, q):
+def paper_internal_force(system, s_o, q):
     """(25)-(26) term by term, gravity included, (2, n)."""
     g = system.groups
-    s, w = halves(s_o)
+    s, w = gauss_points_of_sides(s_o)
     T, xp, yp, _, _ = g.tension_and_shape_derivatives(s)
-    phi, slope, _ = shapes(system, s, s_o)
-    rx, ry = q_of(system, q) @ slope.T + np.array([xp, yp])
+    phi, slope, _ = basis_functions_and_rates(system, s, s_o)
+    rx, ry = amplitudes_of_fields(system, q) @ slope.T + np.array([xp, yp])
     eps = np.hypot(rx, ry) - 1.0
     k = (T + g.alpha * eps) / (eps + 1.0)
     if system.law == "tension-only":
@@ -175,13 +175,13 @@ def test_internal_force_is_the_printed_one(law, kink):
     system = GalerkinSystem(STEEP, Fourier(6), kink=kink, law=law)
     q, (s_o, _, _) = random_state(system, 3, 2e-3 if law == "elastic" else 1e-2)[0], MOTION.position_with_rates(0.9, 0)
     place = system.instant(0.9, 0).tables
-    force, pull = system.cable.internal_force_and_tensions(place, q_of(system, q))
+    force, pull = system.cable.internal_force_and_tensions(place, amplitudes_of_fields(system, q))
     # slack in part of the cable: N has kinks that no rule resolves, hence per mille of the largest force
     least, _ = system.cable.min_tension_and_position(system.basis, place, pull)
     assert least < 0.0  # the elastic tension, whatever the law
     atol = 1e-11 if law == "elastic" else 1e-2 * np.abs(force).max()
-    np.testing.assert_allclose(force, printed_force(system, s_o, q), rtol=0.0, atol=atol)
-    assert np.abs(force - printed_force(system, s_o, -q)).max() > 0.1 * np.abs(force).max()
+    np.testing.assert_allclose(force, paper_internal_force(system, s_o, q), rtol=0.0, atol=atol)
+    assert np.abs(force - paper_internal_force(system, s_o, -q)).max() > 0.1 * np.abs(force).max()
 
 
 @pytest.mark.parametrize("basis", [Fourier(30), Daubechies(4, 1)], ids=["sines", "wavelets"])
@@ -220,9 +220,9 @@ def test_one_field_force_by_quadrature(model, kink):
     """tau w' + h (y_n' + kap w') against phi' with h from its integral, instead of the closed forms."""
     system = GalerkinSystem(STEEP, Fourier(6), kink=kink, model=model)
     q, (s_o, _, _) = random_state(system, 4)[0], MOTION.position_with_rates(0.9, 0)
-    s, w = halves(s_o)
-    slope, kap, tau = shapes(system, s, s_o)[1], float(model == "stretching"), 1.0 / STEEP.chord_cos
-    w_s, y_s = slope @ q, static(system, s)[1][0]
+    s, w = gauss_points_of_sides(s_o)
+    slope, kap, tau = basis_functions_and_rates(system, s, s_o)[1], float(model == "stretching"), 1.0 / STEEP.chord_cos
+    w_s, y_s = slope @ q, static_shape_and_slope(system, s)[1][0]
     h = STEEP.alpha * (w @ (y_s * w_s + 0.5 * kap * w_s**2))
     place = system.instant(0.9, 0).tables
     force, pull = system.cable.internal_force_and_tensions(place, q[None])
@@ -267,7 +267,7 @@ def test_the_tangent_check_sees_a_sign():
 
 
 # --- start -------------------------------------------------------------------------------------------------------
-def growth(system, state):
+def residual_growth(system, state):
     """max|r| at t = 1e-5 of the state carried on by its Taylor series, over 1e-5."""
     t = 1e-5
     moved = state.q + t * state.v + 0.5 * t * t * state.a, state.v + t * state.a, state.a
@@ -281,7 +281,7 @@ def test_entry_is_the_limit_of_the_motion(scene, load, model):
     """The residual of the Taylor series vanishes like t (entry at speed) or t^2 (from rest), not like 1."""
     system = GalerkinSystem(Scene.load(scene).groups, Fourier(20), kink=True, model=model, load=load)
     # a wave of wavenumber 20 pi sqrt(alpha) builds up at that rate; a moving force bends the cable at once
-    assert growth(system, system.start(0, None)) < {"level": 1e3, "inclined": 1e-3}[scene]
+    assert residual_growth(system, system.start(0, None)) < {"level": 1e3, "inclined": 1e-3}[scene]
 
 
 def test_the_check_of_the_entry_sees_the_naive_one():
@@ -293,7 +293,7 @@ def test_the_check_of_the_entry_sees_the_naive_one():
         naive[:, :-1] = 0.0
         if scene == "inclined":
             naive[:, -1] = 0.0, system.groups.sigma
-        assert growth(system, State(0.0, right.q, right.v, naive.ravel())) > 1e3
+        assert residual_growth(system, State(0.0, right.q, right.v, naive.ravel())) > 1e3
 
 
 @pytest.mark.parametrize("kink", [False, True])
@@ -308,7 +308,10 @@ def test_acceleration_jumps_with_the_drive(basis, kink):
         new = system.start(1, State(1.3, q, v, a, 0))
         modal = slice(0, system.n_modal)
         jump = system.residual(1.3, new.q, new.v, new.a, 1)[modal] - system.residual(1.3, q, v, a, 0)[modal]
-        kick = q_of(system, q) @ (after.f_q - before.f_q) + q_of(system, new.a - a) @ after.f
+        kick = (
+            amplitudes_of_fields(system, q) @ (after.f_q - before.f_q)
+            + amplitudes_of_fields(system, new.a - a) @ after.f
+        )
         np.testing.assert_allclose(new.a[-2:] - a[-2:], kick, rtol=1e-12)
     else:
         new = system.start(1, State(1.3, q, v, a, 0))

@@ -6,13 +6,13 @@ import pytest
 from cablefem.elements.following import FollowingElements
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
-from tests.runs import INCLINED, march, observe
+from tests.runs import INCLINED, march_with_positions, observe
 
 
 def test_the_jump_law_is_the_hats_own_equation():
     """[N t - ds_o^2 r'] = -contact to Newton's tolerance but for the angle of t, which is pointwise."""
     system = GalerkinSystem(INCLINED, Fourier(10), kink=True)
-    states, s_o = march(system, 200, until=0.5)
+    states, s_o = march_with_positions(system, 200, until=0.5)
     x = observe(system, states)
     ds_o = np.array([system.motion.position_with_rates(t, 0)[1] for t in states.t])[:, None]
     force = system.mu * INCLINED.sigma
@@ -33,9 +33,9 @@ def test_the_jump_law_is_the_hats_own_equation():
 def test_against_the_slopes_of_elements(basis):
     """Of H, rms; steps stay below what axial waves of a sudden entry would need, so the scene starts from rest."""
     elements = FollowingElements(INCLINED, elements=16, degree=2)
-    states, places = march(elements, 1000, until=0.82)
+    states, places = march_with_positions(elements, 1000, until=0.82)
     theirs = observe(elements, states)
-    states, s_o = march(GalerkinSystem(INCLINED, basis, kink=True), 500, until=0.8)
+    states, s_o = march_with_positions(GalerkinSystem(INCLINED, basis, kink=True), 500, until=0.8)
     mine, inside = observe(GalerkinSystem(INCLINED, basis, kink=True), states), s_o > 0.02
 
     def errors(kind):

@@ -18,7 +18,7 @@ BASES = [
 X, W = leggauss(6)
 
 
-def pieces(s_o):
+def gauss_points_of_sides(s_o):
     """Gauss points on each side of the mass, on cells that no wavelet's dyadic points cut (up to 1/7/64)."""
     out = []
     for a, b in ((0.0, s_o), (s_o, 1.0)):
@@ -29,7 +29,7 @@ def pieces(s_o):
     return np.concatenate([p for p, _ in out]), np.concatenate([w for _, w in out])
 
 
-def hat(s, s_o):
+def hat_function(s, s_o):
     return np.where(s <= s_o, s / s_o, (1.0 - s) / (1.0 - s_o))
 
 
@@ -58,8 +58,8 @@ def test_inertia_against_quadrature(basis, tolerance, s_o):
 
     def tables(t):
         at, speed = place(t)
-        s, w = pieces(at)
-        Phi = np.column_stack([basis.phi(s), hat(s, at)])
+        s, w = gauss_points_of_sides(at)
+        Phi = np.column_stack([basis.phi(s), hat_function(s, at)])
         rate = np.column_stack([np.zeros((s.size, basis.n)), hat_rate(s, at, speed)])
         return (w * Phi.T) @ Phi, (w * Phi.T) @ rate, (w * rate.T) @ rate
 
@@ -86,9 +86,9 @@ def test_slopes_stiffness_and_integral(basis, tolerance):
     # two Gauss points on 1/8 of a cell are what the wavelets' roughness deserves, not what the closed form gives
     coarse = 1e-11 if isinstance(basis, Fourier) else 1e-2
     np.testing.assert_allclose((w * table) @ table.T, S, rtol=0.0, atol=coarse * np.abs(S).max())
-    s, w = pieces(s_o)
+    s, w = gauss_points_of_sides(s_o)
     np.testing.assert_allclose(kink.integrals()[:-1], w @ basis.phi(s), rtol=0.0, atol=tolerance)
-    assert abs(kink.integrals()[-1] - w @ hat(s, s_o)) < 1e-13
+    assert abs(kink.integrals()[-1] - w @ hat_function(s, s_o)) < 1e-13
     x = kink.inertia_terms(s_o, 0.4, 0.2)
     assert (x.f[-1], x.f_s[-1], x.f_v[-1], x.f_q[-1]) == (1.0, 0.0, 0.0, 0.0)
 
@@ -97,8 +97,8 @@ def test_slopes_stiffness_and_integral(basis, tolerance):
 @pytest.mark.parametrize("s_o", [0.29, 0.97])
 def test_share_of_the_side_behind_in_the_overlap(grading, s_o):
     basis = Fourier(7, grading)
-    x, (s, w) = KinkedBasis(basis, kink=True).inertia_terms(s_o, 0.37, -0.23), pieces(s_o)
-    Phi = np.column_stack([basis.phi(s), hat(s, s_o)])
+    x, (s, w) = KinkedBasis(basis, kink=True).inertia_terms(s_o, 0.37, -0.23), gauss_points_of_sides(s_o)
+    Phi = np.column_stack([basis.phi(s), hat_function(s, s_o)])
     np.testing.assert_allclose(x.behind, (w * (s < s_o) * s / s_o) @ Phi, rtol=0.0, atol=1e-12)
     assert np.abs(x.mass[-1] - 2.0 * x.behind).max() > 1e-3  # the other side's share differs
 

@@ -15,7 +15,7 @@ from cablefem.scene.drive import Drive
 from cablefem.scene.statics import gripped_rest
 from galerkin import Daubechies, Fourier, GalerkinSystem, RollingSystem, SystemOverPosition
 from tests.galerkin.test_equations import DAMPED, STEEP, random_state
-from tests.runs import LEVEL, observe, stack
+from tests.runs import LEVEL, observe, stack_states
 from tests.scene.test_ride import ROPE, ZIP
 from validation import run
 
@@ -24,15 +24,15 @@ BRAKED = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 280.0,
 TIME = RIDER.time_scale
 
 
-def until(groups, seconds):
+def with_end_time(groups, seconds):
     return replace(groups, drive=replace(groups.drive, end_time=seconds / TIME))
 
 
-def ride(groups, basis, steps, method="generalized-alpha", many_steps=True):
+def roll_to_end(groups, basis, steps, method="generalized-alpha", many_steps=True):
     """A ride as far as it goes: the system, its states, its events."""
     system, work = RollingSystem(groups, basis), Work()
     system.many_steps &= many_steps
-    states = stack(list(integrate(system, scheme(method), step_times_by_phase(system, steps), work=work)))
+    states = stack_states(list(integrate(system, scheme(method), step_times_by_phase(system, steps), work=work)))
     return system, states, work.events
 
 
@@ -97,7 +97,7 @@ def test_many_steps_in_one_go():
     """Friction, brake and stop come as with steps one by one."""
     found = []
     for many_steps in (True, False):
-        states, events = ride(until(BRAKED.groups, 45.0), Fourier(8), 400, many_steps=many_steps)[1:]
+        states, events = roll_to_end(with_end_time(BRAKED.groups, 45.0), Fourier(8), 400, many_steps=many_steps)[1:]
         there = CubicHermiteSpline(states.t, states.q[:, -1], states.v[:, -1])
         found.append((there(np.linspace(0.0, 36.0 / TIME, 200)), [name for name, _ in events][:3]))
     assert found[0][1] == found[1][1]
@@ -121,17 +121,17 @@ def test_a_first_guess_beyond_the_cable_is_a_stalled_step():
         assert (work.factorisations > 0) == on_it
 
 
-def hundred_metres(cable, drop, mass, drive):
+def ride_of_100_metres(cable, drop, mass, drive):
     return Scene(
         title="A ride of 100 m", gravity=9.81, cable=cable, supports={"span": 100.0, "drop": drop},
         mass={"mass": mass}, drive={"mode": "free", "drag_area": 0.6} | drive,
     )  # fmt: skip
 
 
-def up_a_deep_rope(**drive):
+def ride_up_deep_rope(**drive):
     """Against the wind, let go softly."""
     cable = {"mass_per_length": 1.1, "EA": 1.2e7, "sag": 15.0}
-    return hundred_metres(cable, 0.0, 40.0, {"start": 5.0, "release": 0.5} | drive)
+    return ride_of_100_metres(cable, 0.0, 40.0, {"start": 5.0, "release": 0.5} | drive)
 
 
 def test_slip_that_rings_after_a_sudden_start_is_no_standstill():
@@ -168,18 +168,18 @@ def test_friction_hears_the_car_soon():
 def test_ringing_by_the_far_support_is_no_lift_off():
     """There the car's force rings through zero on few steps, and the one over a while does not."""
     cable = {"mass_per_length": 0.6, "EA": 6.6e6, "sag": 2.0}
-    short = hundred_metres(cable, 6.0, 80.0, {"start": 1.0, "rolling_friction": 0.02})
+    short = ride_of_100_metres(cable, 6.0, 80.0, {"start": 1.0, "rolling_friction": 0.02})
     r = run(short, "fourier-kink", terms=60, steps=500, rho_inf=0.9)
     assert np.nanmin(r.F_contact) < 0.0
     assert [x["event"] for x in r.events] == ["arrival"]
 
 
 def test_a_car_that_lifts_off():
-    storm = up_a_deep_rope(wind=-45.0, thrust=1200.0, end={"place": 80.0})
+    storm = ride_up_deep_rope(wind=-45.0, thrust=1200.0, end={"place": 80.0})
     a, b = (run(storm, method, steps=400) for method in ("following-p2", "fourier-kink"))
     first, second = (next(x["t"] for x in r.events if x["event"] == "lift_off") for r in (a, b))
     assert first == pytest.approx(second, rel=0.05)
-    calm = up_a_deep_rope(wind=-5.0, end={"time": 8.0})
+    calm = ride_up_deep_rope(wind=-5.0, end={"time": 8.0})
     assert [x["event"] for x in run(calm, "fourier-kink", steps=400).events] == ["release"]
 
 
@@ -188,7 +188,7 @@ def test_friction_of_a_hauled_car_goes_by_what_presses_now():
     text = Scene.library_text("tramway") + "rolling_friction = 0.04\n"
     groups = Scene.from_toml(text.replace("2.52e8", "2.7e7").replace("top_speed = 10.0", "top_speed = 55.0")).groups
     assert 50.0 < groups.alpha < 70.0
-    system, states, _ = ride(groups, Fourier(12), 300, "trapezoidal")
+    system, states, _ = roll_to_end(groups, Fourier(12), 300, "trapezoidal")
     x = observe(system, states)
     tau = x.slope_behind + x.slope_ahead
     tau /= np.hypot(*tau.T)[:, None]

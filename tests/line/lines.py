@@ -56,7 +56,7 @@ ASTER = (
 )
 
 
-def changed(given: tuple, text: str) -> Line:
+def line_with_tables(given: tuple, text: str) -> Line:
     """The line with the tables of a TOML text put in its rope."""
     rope, *parts = given
     return line({**rope, **tomllib.loads(text)}, *parts)

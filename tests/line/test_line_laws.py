@@ -21,11 +21,11 @@ LINES = {"three": THREE, "weighed": WEIGHED, "sprung": SPRUNG, "tramway": TRAMWA
 TIED = ({"mass_per_length": 9.0, "EA": 1.4e8, "tension": {"at": "left", "value": 4e5}}, *THREE[1:])
 
 
-def with_rope(parts, **keys):
+def line_with_rope(parts, **keys):
     return line({**parts[0], **keys}, *parts[1:])
 
 
-def disagreements(rows):
+def disagreeing_laws(rows):
     return {row.law for row in rows if row.verdict is not Verdict.AGREE}
 
 
@@ -33,17 +33,17 @@ def disagreements(rows):
 @pytest.mark.parametrize("name", LINES)
 @pytest.mark.parametrize("solve", [catenary_line.solve, elements.solve], ids=["catenaries", "elements"])
 def test_laws_hold_on_sound_answers(name, weather, solve):
-    sound = with_rope(LINES[name], **weather)
-    assert not disagreements(statics_law_rows(sound.to_toml(), sound.solve_at_rest(solve)))
+    sound = line_with_rope(LINES[name], **weather)
+    assert not disagreeing_laws(statics_law_rows(sound.to_toml(), sound.solve_at_rest(solve)))
 
 
 @pytest.mark.parametrize(
     ("sound", "changes", "law"),
     [
-        (with_rope(THREE, **HOT), {"cable.expansion": 0.0}, "shape and stretch"),
-        (with_rope(THREE, **HOT), {"cable.ice": 1e-9}, "weight of each piece"),
-        (with_rope(THREE, **HOT), {"cable.ice": 1e-9}, "rope, loads and reactions"),
-        (with_rope(THREE, **COLD), {"cable.diameter": 0.0404}, "weight of each piece"),
+        (line_with_rope(THREE, **HOT), {"cable.expansion": 0.0}, "shape and stretch"),
+        (line_with_rope(THREE, **HOT), {"cable.ice": 1e-9}, "weight of each piece"),
+        (line_with_rope(THREE, **HOT), {"cable.ice": 1e-9}, "rope, loads and reactions"),
+        (line_with_rope(THREE, **COLD), {"cable.diameter": 0.0404}, "weight of each piece"),
         (line(*THREE), {"cable.length": 1024.5001}, "unstretched length"),
         (line(*TIED), {"cable.tension.value": 4.0001e5}, "tension of the empty line"),
         (line(*THREE), {"cable.EA": 1.401e8}, "shape and stretch"),
@@ -55,7 +55,7 @@ def test_laws_hold_on_sound_answers(name, weather, solve):
     ],
 )  # fmt: skip
 def test_laws_see_an_answer_to_another_line(sound, changes, law):
-    assert law in disagreements(
+    assert law in disagreeing_laws(
         statics_law_rows(sound.to_toml(), sound.replace(changes).solve_at_rest(catenary_line.solve))
     )
 
@@ -71,7 +71,7 @@ def test_laws_see_forces_that_saddles_and_cars_cannot_give():
         "tension past saddles and hauled cars": slipping, "saddles press down": lifted, "balance of cars": unhauled,
     }  # fmt: skip
     for law, wrong in planted.items():
-        assert law in disagreements(statics_law_rows(sound.to_toml(), replace(rest, positions=[wrong])))
+        assert law in disagreeing_laws(statics_law_rows(sound.to_toml(), replace(rest, positions=[wrong])))
 
 
 GROUND = [[0.0, 5.0], [300.0, -60.0], [800.0, -260.0], [1300.0, -420.0]]
@@ -80,17 +80,17 @@ FEW = {"car.up.at": [50, 320, 698, 704], "car.down.at": [488, 702, 900, 1142]}
 TRAM = Line.load("two-span").replace(FEW | {"ground": GROUND, "obstacle": [TREE]})
 
 
-def reread(folder, result, edit=lambda folder: None, html=lambda text: text, of=TRAM):
+def laws_broken_by_files(folder, result, edit=lambda folder: None, html=lambda text: text, of=TRAM):
     """What a judge of the line `of` finds wrong in the files and the page of a result."""
     result.write(folder, 1.0)
     text = "".join(section.html + section.summary for section in page.rest_sections(folder))
     edit(folder)
-    return disagreements(printed_number_rows(of.to_toml(), result.rest, folder, html(text), page.WORDS))
+    return disagreeing_laws(printed_number_rows(of.to_toml(), result.rest, folder, html(text), page.WORDS))
 
 
-@pytest.mark.parametrize("given", [TRAM, with_rope(SPRUNG, **HOT), Line.load("skyline")], ids=lambda x: x.name)
+@pytest.mark.parametrize("given", [TRAM, line_with_rope(SPRUNG, **HOT), Line.load("skyline")], ids=lambda x: x.name)
 def test_printed_numbers_are_as_computed(tmp_path, given):
-    assert not reread(tmp_path, answer_line(given), of=given)
+    assert not laws_broken_by_files(tmp_path, answer_line(given), of=given)
 
 
 @pytest.mark.parametrize(
@@ -102,19 +102,19 @@ def test_a_number_one_percent_off_is_seen(tmp_path, kind):
         {name: x * 1.01 if name.partition(":")[0] == kind and x is not None else x for name, x in row.items()}
         for row in result.numbers
     ]
-    seen = reread(tmp_path, replace(result, numbers=wrong, design=max_and_min_rows(TRAM, wrong)))
+    seen = laws_broken_by_files(tmp_path, replace(result, numbers=wrong, design=max_and_min_rows(TRAM, wrong)))
     assert {f"positions.csv, {kind}", "design"} <= seen
 
 
 def test_a_clearance_that_forgets_what_hangs_below_is_seen(tmp_path):
     bare = TRAM.replace({"car.up.below": 0.0, "car.down.below": 0.0})
-    assert {"positions.csv, clearance_car", "design"} <= reread(tmp_path, answer_line(bare))
+    assert {"positions.csv, clearance_car", "design"} <= laws_broken_by_files(tmp_path, answer_line(bare))
 
 
 def test_a_car_on_a_shoe_at_the_depth_of_the_empty_rope_is_seen(tmp_path):
     result = answer_line(TRAM)
     wrong = [{**row, "depth:up": row["depth:up"] + 0.3} if row["on:up"] else row for row in result.numbers]
-    assert "positions.csv, depth" in reread(tmp_path, replace(result, numbers=wrong))
+    assert "positions.csv, depth" in laws_broken_by_files(tmp_path, replace(result, numbers=wrong))
 
 
 def shift_columns(folder):
@@ -123,7 +123,7 @@ def shift_columns(folder):
     file.write_text("\n".join([head, *("," + row.rpartition(",")[0] for row in rows)]) + "\n")
 
 
-def rewrite(name, old, new):
+def rewriting(name, old, new):
     def edit(folder):
         text = (folder / name).read_text()
         assert old in text
@@ -143,20 +143,20 @@ def lower_rope(folder):
     ("edit", "seen"),
     [
         (shift_columns, "positions.csv, depth"),
-        (rewrite("profile.csv", "y_highest,y_lowest", "y_lowest,y_highest"), "profile.csv, y_lowest"),
+        (rewriting("profile.csv", "y_highest,y_lowest", "y_lowest,y_highest"), "profile.csv, y_lowest"),
         (lower_rope, "ropes.json"),
-        (rewrite("summary.json", '"outcome_kind": "collides"', '"outcome_kind": "carries"'), "outcome"),
-        (rewrite("summary.json", "hits tree", "hits bush"), "outcome"),
-        (rewrite("summary.json", '"position": 4', '"position": 3'), "design, positions of cars"),
+        (rewriting("summary.json", '"outcome_kind": "collides"', '"outcome_kind": "carries"'), "outcome"),
+        (rewriting("summary.json", "hits tree", "hits bush"), "outcome"),
+        (rewriting("summary.json", '"position": 4', '"position": 3'), "design, positions of cars"),
     ],
 )  # fmt: skip
 def test_a_fault_in_a_file_is_seen(tmp_path, edit, seen):
-    assert seen in reread(tmp_path, answer_line(TRAM), edit)
+    assert seen in laws_broken_by_files(tmp_path, answer_line(TRAM), edit)
 
 
 @pytest.mark.parametrize(("old", "new"), [(" kN", " MN"), ("largest tension", "tension"), ("up 50", "up 60")])
 def test_a_fault_in_the_page_is_seen(tmp_path, old, new):
-    seen = reread(tmp_path, answer_line(TRAM), html=lambda text: text.replace(old, new))
+    seen = laws_broken_by_files(tmp_path, answer_line(TRAM), html=lambda text: text.replace(old, new))
     assert seen <= {"page", "page, cars"}
     assert seen
 
@@ -164,7 +164,7 @@ def test_a_fault_in_the_page_is_seen(tmp_path, old, new):
 def test_a_column_without_second_computation_is_seen(tmp_path):
     result = answer_line(TRAM)
     more = [{**row, "wear:tower": 1.0} for row in result.numbers]
-    assert "positions.csv, wear" in reread(tmp_path, replace(result, numbers=more))
+    assert "positions.csv, wear" in laws_broken_by_files(tmp_path, replace(result, numbers=more))
 
 
 def test_a_wrong_state_writes_no_nan_and_breaks_laws(tmp_path):
@@ -175,7 +175,7 @@ def test_a_wrong_state_writes_no_nan_and_breaks_laws(tmp_path):
     answer_line(sound, rest=wrong).write(tmp_path, 1.0)
     for file in tmp_path.iterdir():
         assert "nan" not in file.read_text().lower()
-    assert "shape and stretch" in disagreements(statics_law_rows(sound.to_toml(), wrong))
+    assert "shape and stretch" in disagreeing_laws(statics_law_rows(sound.to_toml(), wrong))
 
 
 def test_the_outcome_names_a_broken_rope_first_then_what_collides():

@@ -11,7 +11,7 @@ from cablefem.elements import line as elements
 from cablefem.scene import Cable, Scene, SceneError, Supports
 from cablefem.scene.line import Line, LineState, NoLineAtRest
 from cablefem.scene.statics import gripped_rest
-from tests.line.lines import ASTER, SPRUNG, THREE, TRAMWAY, WEIGHED, car, changed, contact, line
+from tests.line.lines import ASTER, SPRUNG, THREE, TRAMWAY, WEIGHED, car, contact, line, line_with_tables
 from validation.commands.oracles.study import Task
 from validation.commands.run.line import answer_line
 from validation.oracles import line as oracle
@@ -20,11 +20,11 @@ WITNESSES = {"catenaries": catenary_line.solve, "elements": elements.solve}
 
 
 @pytest.fixture(params=WITNESSES)
-def solve(request):
+def solver(request):
     return WITNESSES[request.param]
 
 
-def one(given, solve) -> LineState:
+def single_state(given, solve) -> LineState:
     (state,) = line(*given).solve_at_rest(solve).positions
     assert isinstance(state, LineState), state
     return state
@@ -37,15 +37,15 @@ def test_numbers_known_beforehand(case, name):
     assert row["verdict"] == case.expected, row
 
 
-def test_spring_instead_of_the_anchor(solve):
-    state = one(SPRUNG, solve)
+def test_spring_instead_of_the_anchor(solver):
+    state = single_state(SPRUNG, solver)
     assert state.s[1] == pytest.approx(250.0, abs=1e-4)
     assert state.s[2] == pytest.approx(618.051928, abs=1e-6)
     np.testing.assert_allclose(state.points[0], [0.235857, -0.012434], rtol=0, atol=1e-6)
 
 
-def test_seilaplan(solve):
-    rest = Line.load("skyline").solve_at_rest(solve)
+def test_seilaplan(solver):
+    rest = Line.load("skyline").solve_at_rest(solver)
     assert rest.empty.s[-1] == pytest.approx(330.908794, abs=1e-6)
     sag = [3.36, 4.46, 6.24, 5.21, 3.82, 2.61]
     for i, state in enumerate(rest.positions):
@@ -56,9 +56,9 @@ def test_seilaplan(solve):
 
 
 def test_deepest_point_of_a_field():
-    state = one(ASTER, catenary_line.solve)
+    state = single_state(ASTER, catenary_line.solve)
     assert catenary_line.sag_between_stations(state, 0, 1) == pytest.approx(13.9370, abs=5e-5)
-    loaded = one(TRAMWAY, catenary_line.solve)
+    loaded = single_state(TRAMWAY, catenary_line.solve)
     below = loaded.points[1, 1] + 480.0 / 1200.0 * loaded.points[1, 0]
     assert catenary_line.sag_between_stations(loaded, 0, 2) == pytest.approx(below)
 
@@ -67,7 +67,7 @@ HOT = "temperature = 35.0\nreference_temperature = 10.0\nexpansion = 1.2e-5\nice
 
 
 def test_heat_lengthens_and_ice_weighs():
-    rest = changed(THREE, HOT).solve_at_rest(catenary_line.solve)
+    rest = line_with_tables(THREE, HOT).solve_at_rest(catenary_line.solve)
     case = rest.positions[0].case
     assert case.thermal_stretch == pytest.approx(1.0 + 25.0 * 1.2e-5)
     assert case.weight == pytest.approx((9.0 + 1.3) * 9.81)
@@ -99,22 +99,22 @@ def test_a_rope_that_leaves_over_the_pulley_takes_the_energy_of_its_weight_along
         ((THREE[0], THREE[1], dict(THREE[2], at=[400.0, 60.0]), *THREE[3:5]), "the rope lifts off first"),
     ],
 )
-def test_empty_line_without_rest(solve, given, says):
+def test_empty_line_without_rest(solver, given, says):
     with pytest.raises(SceneError, match=says):
-        line(*given).solve_at_rest(solve)
+        line(*given).solve_at_rest(solver)
 
 
-def test_a_counterweight_too_light_is_named_with_the_force_that_would_do(solve):
+def test_a_counterweight_too_light_is_named_with_the_force_that_would_do(solver):
     """Level and empty the smallest force is w b/2 min(cosh z/z) (Irvine, Cable Structures, 1981, 1.2)."""
     cable, weight, end = TRAMWAY[:3]
     level = {**end, "at": [1200.0, 0.0]}
     with pytest.raises(SceneError) as error:
-        line(cable, {**weight, "tension": 3e4}, level).solve_at_rest(solve)
+        line(cable, {**weight, "tension": 3e4}, level).solve_at_rest(solver)
     named = float(re.search(r"weight must hold it with at least (\d+) N", str(error.value)).group(1))
     z = np.linspace(1.0, 1.4, 1001)
     smallest = 0.5 * cable["mass_per_length"] * 9.81 * 1200.0 * np.min(np.cosh(z) / z)
     assert smallest * (1.0 - 1e-3) < named < 1.15 * smallest  # the stretch of the rope lowers it a little
-    assert line(cable, {**weight, "tension": named}, level).solve_at_rest(solve).states
+    assert line(cable, {**weight, "tension": named}, level).solve_at_rest(solver).states
 
 
 def test_the_force_that_would_do_is_enough_for_all_positions():
@@ -125,44 +125,44 @@ def test_the_force_that_would_do_is_enough_for_all_positions():
     assert answer_line(given.replace({"contact.0.tension": 0.97 * named})).status == "incomplete"
 
 
-def test_a_position_without_rest_leaves_the_others(solve):
+def test_a_position_without_rest_leaves_the_others(solver):
     rope, left, first, second, right, *_ = THREE
     heavy = car("car", 12000.0, [200.0, 402.0, 600.0, 920.0])
     found = line({**rope, "length": 1023.0}, left, {**first, "at": [400.0, 6.0]}, second, right, heavy).solve_at_rest(
-        solve
+        solver
     )
     assert [isinstance(x, NoLineAtRest) for x in found.positions] == [False, False, False, True]
     assert "the rope lifts off first" in str(found.positions[3])
 
 
-def test_a_car_too_heavy_for_its_rope_is_not_called_a_short_rope(solve):
+def test_a_car_too_heavy_for_its_rope_is_not_called_a_short_rope(solver):
     rope, left, *_ = THREE
     found = line(
         {**rope, "length": 402.0}, left, contact("end", "anchor", 400.0, -30.0), car("car", 1e9, [200.0])
-    ).solve_at_rest(solve)
+    ).solve_at_rest(solver)
     assert "no tension below EA" in str(found.positions[0])
 
 
-def test_a_case_without_rest_leaves_the_others(solve):
+def test_a_case_without_rest_leaves_the_others(solver):
     good = line(*TRAMWAY).case_at_position(0, 1300.0)
     light = replace(good.stations[0], force=2e4)
-    found = solve([good, replace(good, stations=(light, *good.stations[1:])), good])
+    found = solver([good, replace(good, stations=(light, *good.stations[1:])), good])
     assert [isinstance(x, NoLineAtRest) for x in found] == [False, True, False]
 
 
-def test_a_car_on_a_shoe_is_not_felt(solve):
+def test_a_car_on_a_shoe_is_not_felt(solver):
     rope, left, first, second, right, *_ = THREE
-    on = line(rope, left, first, second, right, car("car", 4000.0, [397.0, 300.0])).solve_at_rest(solve)
-    off = line(rope, left, first, second, right).solve_at_rest(solve)
+    on = line(rope, left, first, second, right, car("car", 4000.0, [397.0, 300.0])).solve_at_rest(solver)
+    off = line(rope, left, first, second, right).solve_at_rest(solver)
     np.testing.assert_allclose(on.positions[0].points, off.positions[0].points, rtol=0, atol=1e-9)
-    both = line(rope, left, first, second, right, car("a", 40.0, 397.0), car("b", 40.0, 402.0)).solve_at_rest(solve)
+    both = line(rope, left, first, second, right, car("a", 40.0, 397.0), car("b", 40.0, 402.0)).solve_at_rest(solver)
     assert "two cars on the shoe of first" in str(both.positions[0])
 
 
-def test_the_path_of_a_car_does_not_jump_at_the_ends_of_a_shoe(solve):
+def test_the_path_of_a_car_does_not_jump_at_the_ends_of_a_shoe(solver):
     at = [693.9999, 694.0001, 700, 705.9999, 706.0001]
     given = Line.load("two-span").replace({"car.down.at": 1100.0, "car.up.at": at})
-    result = answer_line(given, rest=given.solve_at_rest(solve))
+    result = answer_line(given, rest=given.solve_at_rest(solver))
     depths = [row["depth:up"] for row in result.numbers]
     assert [row["on:up"] for row in result.numbers] == [None, "tower", "tower", "tower", None]
     np.testing.assert_allclose(np.diff(depths)[[0, 3]], 0.0, rtol=0, atol=3e-4)
@@ -185,9 +185,9 @@ def test_numbers_beyond_all_bounds_are_no_rest():
         line(*THREE).solve_at_rest(spoilt)
 
 
-def test_a_rope_that_cannot_carry_its_cars_says_why(solve):
+def test_a_rope_that_cannot_carry_its_cars_says_why(solver):
     given = Line.load("two-span").replace({"car.up.mass": 8e4, "car.up.at": [50, 200, 700], "car.down.at": 1136.0})
-    positions = given.solve_at_rest(solve).positions
+    positions = given.solve_at_rest(solver).positions
     assert "828945 N of cars on the rope; valley holds it with 380000 N" in str(positions[0]) + str(positions[1])
     assert "up does not come onto the shoe of tower" in str(positions[2])
 
@@ -204,7 +204,7 @@ def test_one_span_is_the_statics_of_a_scene_but_for_the_strain():
         tension = {"at": "left", "value": float(scene.catenary.tension(0.0))}
         rope = {"mass_per_length": 9.0, "EA": EA, "tension": tension}
         ends = ({"name": "left", "kind": "anchor", "at": [0, 0]}, {"name": "right", "kind": "anchor", "at": [500, 60]})
-        state = one((rope, *ends, car("car", 3000.0, float(x), hauled=False)), catenary_line.solve)
+        state = single_state((rope, *ends, car("car", 3000.0, float(x), hauled=False)), catenary_line.solve)
         apart = max(abs(state.points[1, 1] - y) / y, abs(state.station_tensions[1, 1] - N) / N)
         assert apart < 2.0 * N / EA
 

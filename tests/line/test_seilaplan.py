@@ -25,36 +25,36 @@ CLEARANCES = [8.0, 7.4, 9.1, 6.0, 9.0]
 SADDLES = [38.2, 39.7, 44.6, 47.3, 61.6]
 
 
-def at(places):
+def numbers_at_positions(places):
     """Numbers with the load at each place."""
     return numbers_by_position(cf.run(SKYLINE.replace({"car.carriage.at": places})).rest)
 
 
 @pytest.fixture(scope="module")
-def mid_span():
-    return at((TOPS[:-1, 0] + WIDTHS / 2.0).tolist())
+def numbers_at_mid_span():
+    return numbers_at_positions((TOPS[:-1, 0] + WIDTHS / 2.0).tolist())
 
 
 @pytest.fixture(scope="module")
-def empty(mid_span):
-    return [mid_span[0][f"knee_empty:pole-{i}"] for i in POLES]
+def depths_of_empty_rope(numbers_at_mid_span):
+    return [numbers_at_mid_span[0][f"knee_empty:pole-{i}"] for i in POLES]
 
 
-def test_empty_knee_angles_are_alike(empty):
-    assert empty == pytest.approx(EMPTY, abs=0.07)  # a parabola's tangents are those of a catenary here
+def test_empty_knee_angles_are_alike(depths_of_empty_rope):
+    assert depths_of_empty_rope == pytest.approx(EMPTY, abs=0.07)  # a parabola's tangents are those of a catenary here
 
 
 def test_clearances_are_alike():
     """Its path of the load is that of the exact statics to 9 cm; the ground follows from what it prints."""
     drawn = [1249.04, 1235.15, 1217.35, 1188.68, 1176.07]  # of the path, less the 6.8 m demanded
     ground = np.array(drawn) + 6.8 - CLEARANCES
-    heights = [1265.913 - row["depth:carriage"] for row in at([27.0, 74.0, 131.0, 222.0, 258.0])]
+    heights = [1265.913 - row["depth:carriage"] for row in numbers_at_positions([27.0, 74.0, 131.0, 222.0, 258.0])]
     assert heights - ground == pytest.approx(CLEARANCES, abs=0.09)
 
 
 def test_saddle_forces_count_half_the_rope_of_both_fields_twice():
     """The tension on the shoe already carries that rope; its haul rope, half of what lies above, is not in our line."""
-    rows = at(TOPS[1:-1, 0].tolist())
+    rows = numbers_at_positions(TOPS[1:-1, 0].tolist())
     ours = []
     for i in POLES:
         row = rows[i - 1]
@@ -67,11 +67,13 @@ def test_saddle_forces_count_half_the_rope_of_both_fields_twice():
     assert np.subtract(SADDLES, smaller) == pytest.approx([1.4, 2.1, 2.6, 2.3, 1.9], abs=0.06)
 
 
-def test_loaded_knee_angles_are_those_of_a_parabola_through_the_load_at_mid_span(mid_span, empty):
+def test_loaded_knee_angles_are_those_of_a_parabola_through_the_load_at_mid_span(
+    numbers_at_mid_span, depths_of_empty_rope
+):
     """It is steeper at a support than a rope with the load at mid-span, less steep than one with the load beside it."""
     middles = (TOPS[:-1, 1] + TOPS[1:, 1]) / 2.0
     tensions = np.array([109.9, 119.6, 131.1, 121.5, 106.0, 83.5]) * 1e3
-    loaded = np.array([row["depth:carriage"] for row in mid_span]) - middles  # sags (6,)
+    loaded = np.array([row["depth:carriage"] for row in numbers_at_mid_span]) - middles  # sags (6,)
     loaded += CHORDS**2 * HAUL_ROPE / 2.0 / (8.0 * tensions)
     unloaded = CHORDS**2 * ROPE / (8.0 * (70e3 - ROPE * middles))
     more = [
@@ -80,9 +82,9 @@ def test_loaded_knee_angles_are_those_of_a_parabola_through_the_load_at_mid_span
         )
         for side in (1.0, -1.0)
     ]  # at the upper and at the lower end of a field
-    parabolas = empty + np.maximum(more[0][1:], more[1][:-1])
+    parabolas = depths_of_empty_rope + np.maximum(more[0][1:], more[1][:-1])
     assert parabolas == pytest.approx(LOADED, abs=0.2)  # its sags differ from ours by up to 3 cm
-    near = at(sorted([*(TOPS[1:-1, 0] - BESIDE).tolist(), *(TOPS[1:-1, 0] + BESIDE).tolist()]))
-    for numbers, limit in ((mid_span, np.less), (near, np.greater)):
+    near = numbers_at_positions(sorted([*(TOPS[1:-1, 0] - BESIDE).tolist(), *(TOPS[1:-1, 0] + BESIDE).tolist()]))
+    for numbers, limit in ((numbers_at_mid_span, np.less), (near, np.greater)):
         ours = [max(row[f"knee:pole-{i}"] for row in numbers) for i in POLES]
         assert limit(ours, LOADED).all()

@@ -34,30 +34,32 @@ top = 62.0
 LINE = cf.Line.from_toml(f"ground = {GROUND}\n{TOML}")
 
 
-def numbers(line):
+def design_values(line):
     return {row["quantity"]: row["value"] for row in cf.run(line).design}
 
 
 @pytest.fixture(scope="module")
-def found():
-    return numbers(LINE)
+def design_values_of_line():
+    return design_values(LINE)
 
 
 @pytest.mark.parametrize(
     ("quantity", "sign"),
     [("tension_max", -1.0), ("clearance_car_min:car over the ground", 1.0), ("clearance_rope_min:hut", 1.0)],
 )
-def test_extremes_are_those_of_a_search_over_all_places(found, quantity, sign):
+def test_extremes_are_those_of_a_search_over_all_places(design_values_of_line, quantity, sign):
     def value(x):
-        return sign * numbers(LINE.replace({"car.car.at": float(x)}))[quantity]
+        return sign * design_values(LINE.replace({"car.car.at": float(x)}))[quantity]
 
     best = minimize_scalar(value, bounds=(120.0, 480.0), method="bounded", options={"xatol": 1e-3})
-    assert found[quantity] == pytest.approx(sign * best.fun, rel=1e-6)
+    assert design_values_of_line[quantity] == pytest.approx(sign * best.fun, rel=1e-6)
 
 
-def test_the_car_stands_exactly_over_an_obstacle(found):
-    over = numbers(LINE.replace({"car.car.at": 301.7}))
-    assert found["clearance_car_min:car over hut"] == pytest.approx(over["clearance_car_min:car over hut"], rel=1e-9)
+def test_the_car_stands_exactly_over_an_obstacle(design_values_of_line):
+    over = design_values(LINE.replace({"car.car.at": 301.7}))
+    assert design_values_of_line["clearance_car_min:car over hut"] == pytest.approx(
+        over["clearance_car_min:car over hut"], rel=1e-9
+    )
 
 
 @pytest.mark.slow

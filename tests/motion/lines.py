@@ -80,15 +80,15 @@ ALL = line(
 )  # fmt: skip
 
 
-def states_of(system: System, steps: int, start: State | None = None) -> list[State]:
+def states_by_radau(system: System, steps: int, start: State | None = None) -> list[State]:
     """All states by Radau, to the end."""
     times = step_times_by_phase(system, steps)
     times[-1] = np.append(times[-1], system.phases[-1][1])
     return list(itertools.chain.from_iterable(integrate_blocks(system, scheme("radau"), times, start=start)))
 
 
-def run(system: Any, steps: int, s: Any = (0.0,)) -> LineMotion:
-    return system.observe(states_of(system, steps), np.asarray(s, dtype=float))
+def run_and_observe(system: Any, steps: int, s: Any = (0.0,)) -> LineMotion:
+    return system.observe(states_by_radau(system, steps), np.asarray(s, dtype=float))
 
 
 # A car on two wheels and one with a cabin, both in motion.

@@ -13,7 +13,7 @@ from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car, MovingLine
 from cablefem.scene.drive import Drive
 from cablefem.scene.motion import Motion, Piece
-from tests.motion.lines import LEFT, Smooth, anchor, car, line, run, saddle, spring, weight
+from tests.motion.lines import LEFT, Smooth, anchor, car, line, run_and_observe, saddle, spring, weight
 from tests.motion.test_frequencies import frequencies
 from tests.motion.test_segments import SOFT
 
@@ -29,11 +29,11 @@ def with_body(car: Car, body: Hanger | Wheels) -> Car:
     return dataclasses.replace(car, **{"hanger" if isinstance(body, Hanger) else "wheels": body})
 
 
-def free(name: str, mass: float, start: float, **drive) -> Car:
+def free_car(name: str, mass: float, start: float, **drive) -> Car:
     return Car(name=name, mass=mass, drive=Drive(mode="free", start=start, **drive))
 
 
-def tram(travel, rope=TRAM, **more) -> MovingLine:
+def tram_line(travel, rope=TRAM, **more) -> MovingLine:
     wheels = Wheels(base=4.0, inertia=3e4, below=3.0, ahead=0.2)
     hauled = with_body(car("car", 8100.0, travel, "haul", hitch=(0.0, -2.0)), wheels)
     return line(rope, LEFT, hauled, anchor("right", 700.0, -341.0), **more)
@@ -49,7 +49,7 @@ def tram(travel, rope=TRAM, **more) -> MovingLine:
     ],
 )  # fmt: skip
 def test_a_trolley_at_rest(front, rope, exact):
-    system = LineElements(tram(front, rope))
+    system = LineElements(tram_line(front, rope))
     q = coordinates_at_rest(system, 0.0, 0)
     z = coordinates_with_zero_rates(system, q)
     x = system.observe([system.start(0, None)._replace(q=q[system.free], a=z.a[system.free])], np.array([1.0]))
@@ -61,7 +61,7 @@ def test_a_trolley_at_rest(front, rope, exact):
 
 def test_a_trolley_in_motion():
     """Centre, pitch, tensions at both ends, loads and haul force by two prototypes without a common row."""
-    x = run(LineElements(tram(Smooth(100.0, 10.0), t_end=16.0)), 200)
+    x = run_and_observe(LineElements(tram_line(Smooth(100.0, 10.0), t_end=16.0)), 200)
     at = x.cars[0]
     for t, centre, pitch, tensions, loads, force in (
         (4.0, (100.94664, -28.38904), -0.329607, (689114.0, 733484.0), (12340.0, 63668.0), 47807.0),
@@ -116,7 +116,7 @@ def test_a_cabin_swings_under_a_gripped_carriage_at_mid_span():
 
 def test_a_cabin_that_rolls_freely_is_a_double_pendulum():
     """On an inextensible weightless rope the carriage moves on an ellipse of radius a^2/b."""
-    carriage = with_body(free("car", 95.0, 150.0), Hanger(mass=90.0, length=1.2))
+    carriage = with_body(free_car("car", 95.0, 150.0), Hanger(mass=90.0, length=1.2))
     rope = {"mass_per_length": 1e-4, "EA": 1e9, "length": 300.0}
     found = frequencies(LineElements(line(rope, LEFT, carriage, anchor("right", 298.0, 0.0)), elements=1, degree=4))
     for exact in (0.08679034, 12.468388):
@@ -128,7 +128,7 @@ def test_a_cabin_under_constant_acceleration_swings_to_twice_its_angle():
     travel = Motion(((0.0, 20.0),), ((Piece(0.0, 0.0, 100.0, 0.0, 0.5 * a / 1.01),),), 1e3)
     cabin = with_body(car("car", 11.0, travel), Hanger(mass=10.0, length=2.0, gyration=0.5))
     rope = {"mass_per_length": 1.0, "EA": 1e8, "length": 1000.0 / 1.01}
-    x = run(LineElements(line(rope, LEFT, cabin, anchor("right", 1000.0, 0.0), t_end=6.0)), 200)
+    x = run_and_observe(LineElements(line(rope, LEFT, cabin, anchor("right", 1000.0, 0.0), t_end=6.0)), 200)
     swing = x.cars[0].turning.angle
     assert swing.min() == pytest.approx(-2.0 * np.arctan(a / G), rel=2e-3)
     assert swing.max() == pytest.approx(0.0, abs=5e-3)
@@ -138,13 +138,13 @@ def test_a_mirrored_trolley_rolls_alike():
     def of(start, sense, ahead, rise):
         thrust = ((0.0, sense * 900.0), (9.0, sense * 900.0))
         sled = Wheels(base=3.0, inertia=900.0, below=0.8, ahead=ahead)
-        trolley = free("car", 900.0, start, k=0.5, thrust_table=thrust, thrust_angle=sense * 0.2)
+        trolley = free_car("car", 900.0, start, k=0.5, thrust_table=thrust, thrust_angle=sense * 0.2)
         return LineElements(
             line(STEEL, LEFT, with_body(trolley, sled), anchor("right", 400.0, rise), t_end=4.0), elements=4
         )
 
-    x = run(of(150.0, 1.0, 0.2, -60.0), 80)
-    y = run(of(405.0 - x.cars[0].turning.wheels[0].s[0], -1.0, -0.2, 60.0), 80)
+    x = run_and_observe(of(150.0, 1.0, 0.2, -60.0), 80)
+    y = run_and_observe(of(405.0 - x.cars[0].turning.wheels[0].s[0], -1.0, -0.2, 60.0), 80)
     one, other = x.cars[0].turning, y.cars[0].turning
     # one is held at its lower wheel before the start, the other at its upper one
     np.testing.assert_allclose(one.angle, -other.angle, atol=1e-5)
@@ -176,7 +176,7 @@ def test_energy_is_what_drives_put_in():
         with_body(car("w", 800.0, Smooth(150.0, 6.0, 3.0), "haul", mu_r=0.02, k=0.5, hitch=(0.1, -0.5)), SLED),
         with_body(car("b", 700.5, Smooth(290.0, -9.0, 3.0), "haul", k=0.4, mu_r=0.01), CABIN), RISE, t_end=8.0,
     )  # fmt: skip
-    x = run(LineElements(scene, elements=4), 200)
+    x = run_and_observe(LineElements(scene, elements=4), 200)
 
     def defect(powers) -> float:
         work = np.append(0.0, cumulative_simpson(sum(powers.values()), x=x.t))
@@ -189,7 +189,7 @@ def test_energy_is_what_drives_put_in():
 
 def test_a_wheel_that_lifts_off_ends_the_run():
     thrust = {"thrust_table": ((0.0, 9e3), (9.0, 9e3)), "thrust_at": (-1.0, 3.0)}
-    scene = line(STEEL, LEFT, with_body(free("sled", 500.0, 60.0, **thrust), SLED), RISE, t_end=9.0)
+    scene = line(STEEL, LEFT, with_body(free_car("sled", 500.0, 60.0, **thrust), SLED), RISE, t_end=9.0)
     system, work = LineElements(scene, elements=4), Work()
     list(integrate_blocks(system, scheme("radau"), step_times_by_phase(system, 300), work=work))
     assert [event.name for event in work.events] == ["sled front wheel lifts off"]
@@ -201,7 +201,7 @@ MIXED = MovingLine(
     contacts=(
         spring(0.0, 0.0), with_body(car("grip", 700.0, Smooth(60.0, 7.0)), SLED),
         with_body(car("gripping cabin", 900.0, Smooth(110.0, 7.0)), CABIN),
-        with_body(free("free", 900.0, 200.0, mu_r=0.07, k=0.8, wind=-3.0, thrust_table=((0.0, 400.0), (9.0, 900.0)),
+        with_body(free_car("free", 900.0, 200.0, mu_r=0.07, k=0.8, wind=-3.0, thrust_table=((0.0, 400.0), (9.0, 900.0)),
                        thrust_angle=0.1, thrust_at=(0.3, -0.2), brakes=((150.0, 40.0),), rear_brakes=((150.0, 10.0),)),
                   SLED),
         saddle("saddle", 290.0, -20.0), with_body(car("hung", 800.0, Smooth(350.0, 6.0), "haul", mu_r=0.03), CABIN),
@@ -212,7 +212,7 @@ MIXED = MovingLine(
 )  # fmt: skip
 
 
-def begun(compiled: bool) -> tuple[LineElements, list[np.ndarray]]:
+def system_and_random_state(compiled: bool) -> tuple[LineElements, list[np.ndarray]]:
     system, rng = LineElements(MIXED, elements=2, compiled=compiled), np.random.default_rng(23)
     x = system.start(0, None)
     return system, [z + size * rng.standard_normal(z.size) for z, size in zip(x[1:4], (3e-3, 0.5, 0.5), strict=True)]
@@ -221,7 +221,7 @@ def begun(compiled: bool) -> tuple[LineElements, list[np.ndarray]]:
 @pytest.mark.parametrize("compiled", [False, True])
 def test_tangent_is_the_derivative_of_the_balance_at_a_standstill(compiled):
     """In motion the tangent leaves out what the pitch rate adds to mass."""
-    system, (q, _, _) = begun(compiled)
+    system, (q, _, _) = system_and_random_state(compiled)
     zero, rng = np.zeros(q.size), np.random.default_rng(5)
     for c in ((0.3, 0.5, 1.0), (1.0, 0.1, 1e-2), (1e-3, 0.02, 1.0)):
         y, step = rng.standard_normal(q.size), 1e-6
@@ -233,7 +233,7 @@ def test_tangent_is_the_derivative_of_the_balance_at_a_standstill(compiled):
 
 
 def test_compiled_loops_are_the_forms():
-    (fast, at), (slow, _) = begun(True), begun(False)
+    (fast, at), (slow, _) = system_and_random_state(True), system_and_random_state(False)
     for c in ((0.3, 0.5, 1.0), (0.1j, 0.2 + 0.4j, 1.0)):
         (r, solve), (want, same) = (system.linearise(1.0, *at, 0, *c) for system in (fast, slow))
         np.testing.assert_allclose(r, want, rtol=0.0, atol=1e-11 * np.abs(want).max())

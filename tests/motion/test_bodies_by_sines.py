@@ -16,7 +16,7 @@ from cablefem.scene.drive import Drive
 from cablefem.scene.motion import rest_motion
 from galerkin.line_rest import coordinates_at_rest
 from galerkin.lines import LineSines
-from tests.motion.lines import LEFT, Smooth, anchor, line, run
+from tests.motion.lines import LEFT, Smooth, anchor, line, run_and_observe
 from tests.motion.test_sines import frequencies
 
 WHEELS = Wheels(base=4.0, inertia=3e4, below=3.0, ahead=0.2)
@@ -25,16 +25,16 @@ TRAM = {"mass_per_length": 13.3, "EA": 2.52e8, "length": 778.1681731397}
 WEIGHTLESS = {"mass_per_length": 1e-9, "EA": 1e8}
 
 
-def tram(travel, **rope):
+def tram_line(travel, **rope):
     cabin = Car(name="cabin", mass=8100.0, wheels=WHEELS, drive=HAUL, travel=travel)
     return line(TRAM | rope, LEFT, cabin, anchor("right", 700.0, -341.0), t_end=32.0)
 
 
-def level(car, length, chord, **rope):
+def level_line(car, length, chord, **rope):
     return line(WEIGHTLESS | {"length": length} | rope, LEFT, car, anchor("right", chord, 0.0))
 
 
-def resting(system):
+def observe_at_rest(system):
     """What a line at rest shows whose cars are not free."""
     rest, free, forces = coordinates_at_rest(system), system.equations.free, system.equations.forces
     q = np.where(forces, 0.0, rest[0, free])
@@ -54,7 +54,7 @@ def resting(system):
     ],
 )  # fmt: skip
 def test_a_trolley_at_rest(s, rope, centre, pitch, rear, haul, tension, loads):
-    x = resting(LineSines(tram(rest_motion(s, 1e3), **rope), 20))
+    x = observe_at_rest(LineSines(tram_line(rest_motion(s, 1e3), **rope), 20))
     car = x.cars[0]
     body = car.turning
     np.testing.assert_allclose(body.centre[0], centre, atol=2e-8)
@@ -67,7 +67,7 @@ def test_a_trolley_at_rest(s, rope, centre, pitch, rear, haul, tension, loads):
 
 
 def test_a_trolley_in_motion():
-    x = run(LineSines(tram(Smooth(100.0, 10.0)), 6), 320)
+    x = run_and_observe(LineSines(tram_line(Smooth(100.0, 10.0)), 6), 320)
     car = x.cars[0]
     body = car.turning
     loads = [wheel.load for wheel in body.wheels]
@@ -116,7 +116,7 @@ def test_a_cabin_under_constant_acceleration_swings_twice_as_far_as_it_hangs_bac
     cabin = Hanger(mass=600.0, length=3.0, gyration=1.0)
     car = Car(name="cabin", mass=700.0, hanger=cabin, drive=HAUL, travel=Uniform(100.0, 0.0))
     rope = {"mass_per_length": 1e-3, "EA": 1e10, "length": 399.6}
-    x = run(LineSines(line(rope, LEFT, car, anchor("right", 400.0, 0.0), t_end=12.0), 2), 150)
+    x = run_and_observe(LineSines(line(rope, LEFT, car, anchor("right", 400.0, 0.0), t_end=12.0), 2), 150)
     swing = x.cars[0].turning.angle
     assert swing.max() < 1e-4
     assert swing.min() == pytest.approx(-2.0 * np.arctan(a / 9.81), abs=2e-4)
@@ -137,14 +137,14 @@ def test_a_cabin_swings_with_the_carriage_that_grips_the_middle_of_a_rope():
     Kx = 2.0 * (EA / (0.5 * l) * np.cos(th) ** 2 + N / (0.5 * chord / np.cos(th)) * np.sin(th) ** 2)
     mass = [[M + m, m * h], [m * h, m * h**2 + m * 1.5**2]]
     exact = np.sqrt(eigh(np.diag([Kx, m * g * h]), mass, eigvals_only=True))
-    shown = frequencies(level(car, l, chord), 2)
+    shown = frequencies(level_line(car, l, chord), 2)
     for w in exact:
         assert np.abs(shown / w - 1.0).min() < 1e-6
 
 
 def test_a_cabin_that_rolls_freely_is_a_double_pendulum():
     car = Car(name="rider", mass=95.0, hanger=Hanger(mass=90.0, length=1.2), drive=Drive(mode="free", start=150.0))
-    shown = frequencies(level(car, 300.0, 298.0, EA=1e11), 2)
+    shown = frequencies(level_line(car, 300.0, 298.0, EA=1e11), 2)
     for w in (0.08679034, 12.468388):
         assert np.abs(shown / w - 1.0).min() < 2e-5
 
@@ -157,7 +157,7 @@ def test_a_mirrored_trolley_moves_alike():
                       thrust_angle=angle, thrust_at=(-0.4 * side, -0.2))  # fmt: skip
         wheels = Wheels(base=2.0, inertia=400.0, below=0.5, ahead=0.3 * side)
         car = Car(name="sled", mass=500.0, wheels=wheels, drive=drive)
-        return run(LineSines(line(rope, LEFT, car, anchor("right", 400.0, drop), t_end=6.0), 5), 60)
+        return run_and_observe(LineSines(line(rope, LEFT, car, anchor("right", 400.0, drop), t_end=6.0), 5), 60)
 
     x = moved(-20.0, 60.0, 6e3, 0.1, 1.0)
     one = x.cars[0].turning
@@ -178,7 +178,7 @@ def test_a_short_base_leaves_a_point_with_its_known_error():
     def depth(**body):
         front = 0.5 * (length + body["wheels"].base * length / 400.0) if body else 0.5 * length
         car = Car(name="sled", mass=m, travel=rest_motion(front, 1e3), drive=Drive(mode="haul"), **body)
-        of = resting(LineSines(level(car, length, 400.0), 4)).cars[0]
+        of = observe_at_rest(LineSines(level_line(car, length, 400.0), 4)).cars[0]
         return of.turning.centre[0, 1] if body else of.point[0, 1]
 
     gap = depth() - depth(wheels=Wheels(base=b, inertia=400.0))
@@ -186,7 +186,7 @@ def test_a_short_base_leaves_a_point_with_its_known_error():
     assert gap != pytest.approx(m * g * 0.99 * b / (4.0 * N), rel=5e-3)
 
 
-def free_sled(thrust, angle, brake=1.5e3):
+def free_sled_line(thrust, angle, brake=1.5e3):
     drive = Drive(mode="free", start=60.0, mu_r=0.01, k=0.5, thrust_table=((0.0, thrust), (4.0, thrust)),
                   thrust_angle=angle, brakes=((50.0, brake),), rear_brakes=((50.0, brake / 3.0),))  # fmt: skip
     wheels = Wheels(base=2.0, inertia=400.0, below=0.5, ahead=0.3)
@@ -195,25 +195,25 @@ def free_sled(thrust, angle, brake=1.5e3):
     return line(rope, LEFT, car, anchor("right", 400.0, -20.0), t_end=4.0)
 
 
-def hauled_cabin():
+def hauled_cabin_line():
     car = Car(name="cabin", mass=900.0, hanger=Hanger(mass=700.0, length=4.0, gyration=1.0, damping=0.05),
               drive=Drive(mode="haul", mu_r=0.01, k=2.0), travel=Smooth(60.0, 8.0, 3.0))  # fmt: skip
     rope = {"mass_per_length": 6.0, "EA": 1e8, "length": 402.0}
     return line(rope, LEFT, car, anchor("right", 400.0, -20.0), t_end=8.0)
 
 
-@pytest.mark.parametrize("scene", [free_sled(6e3, 0.1), hauled_cabin()])
+@pytest.mark.parametrize("scene", [free_sled_line(6e3, 0.1), hauled_cabin_line()])
 def test_energy_is_what_drives_put_in_and_friction_takes(scene):
-    x = run(LineSines(scene, 5), 160)
+    x = run_and_observe(LineSines(scene, 5), 160)
     work = np.append(0.0, cumulative_simpson(sum(x.powers.values()), x=x.t))
     np.testing.assert_allclose(x.energy - x.energy[0], work, atol=1e-4 * np.ptp(x.energy))
 
 
-@pytest.mark.parametrize("scene", [free_sled(3e3, 0.1, 0.0), hauled_cabin(), tram(Smooth(100.0, 10.0))])
+@pytest.mark.parametrize("scene", [free_sled_line(3e3, 0.1, 0.0), hauled_cabin_line(), tram_line(Smooth(100.0, 10.0))])
 def test_both_wings_agree(scene):
     scene = dataclasses.replace(scene, t_end=3.0)
     s = np.array([20.0, 200.0])
-    one, other = run(LineElements(scene), 60, s), run(LineSines(scene, 12), 60, s)
+    one, other = run_and_observe(LineElements(scene), 60, s), run_and_observe(LineSines(scene, 12), 60, s)
     a, b = one.cars[0], other.cars[0]
     T, weight = a.tension_ahead.max(), 9.81 * scene.cars[0].mass
     np.testing.assert_allclose(one.points, other.points, atol=1e-3)
@@ -231,7 +231,7 @@ def test_both_wings_agree(scene):
 
 
 def test_a_wheel_that_lifts_off_ends_the_run():
-    system, work = LineSines(free_sled(9e3, 0.6), 5), Work()
+    system, work = LineSines(free_sled_line(9e3, 0.6), 5), Work()
     states = list(integrate(system, scheme("radau"), step_times_by_phase(system, 120), work=work))
     assert [event.name for event in work.events][-1] == "sled front wheel lifts off"
     x = system.observe(states, np.array([1.0]))

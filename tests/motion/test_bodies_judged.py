@@ -25,14 +25,14 @@ def ladder(line):
     return LineRuns(SINES, line).ladder(2, 2)
 
 
-def broken(toml, ladder):
+def broken_laws(toml, ladder):
     """Names of the laws that the runs do not keep."""
     rows = law_rows(toml, [ladder], ladder.finest.end)
     return {row.law.rpartition(",")[0] for row in rows if row.verdict.value == "disagree"}
 
 
 def test_sines_keep_all_laws(line, ladder):
-    assert not broken(line.to_toml(), ladder)
+    assert not broken_laws(line.to_toml(), ladder)
 
 
 def test_nothing_is_counted_that_the_line_does_not_have(line, ladder):
@@ -53,10 +53,10 @@ def test_nothing_is_counted_that_the_line_does_not_have(line, ladder):
     ],
 )
 def test_a_body_that_is_not_that_of_the_toml_is_seen(line, ladder, fault, seen):
-    assert broken(line.replace(fault).to_toml(), ladder) == seen
+    assert broken_laws(line.replace(fault).to_toml(), ladder) == seen
 
 
-def light(motion, with_turning):
+def without_turning_inertia(motion, with_turning):
     """The cabin's acceleration, or the part phi.^2 of it alone, is missing in the forces of its carriage."""
     sled, cabin = motion.cars
     x = cabin.turning
@@ -72,8 +72,8 @@ def light(motion, with_turning):
 
 @pytest.mark.parametrize("with_turning", [1.0, 0.0])
 def test_a_carriage_that_does_not_feel_how_its_cabin_swings_is_seen(line, ladder, with_turning):
-    wrong = ladder.map(lambda run: dataclasses.replace(run, motion=light(run.motion, with_turning)))
-    assert broken(line.to_toml(), wrong) == {"momentum of rope and cars", "energy and work", KINKS}
+    wrong = ladder.map(lambda run: dataclasses.replace(run, motion=without_turning_inertia(run.motion, with_turning)))
+    assert broken_laws(line.to_toml(), wrong) == {"momentum of rope and cars", "energy and work", KINKS}
 
 
 @pytest.mark.slow

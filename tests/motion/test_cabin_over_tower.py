@@ -23,7 +23,7 @@ GRIPS = Line.from_toml(CABIN.replace('drive = {mode = "haul", drag_area = 2.0}',
 
 
 @functools.cache
-def runs(method, line):
+def line_runs(method, line):
     return LineRuns(method, {"hauled": HAULED, "grips": GRIPS}[line])
 
 
@@ -31,7 +31,7 @@ def runs(method, line):
 @pytest.mark.parametrize("method", [ELEMENTS, SINES])
 def test_the_cabin_over_the_tower_is_a_pendulum_on_the_path_of_its_car(method, line):
     """J phi.. + c phi. + m h (a_x cos phi + (g - a_y) sin phi) = h drag . e1, integrated along the path alone."""
-    motion = runs(method, line).run(2, 2).motion
+    motion = line_runs(method, line).run(2, 2).motion
     car, t = motion.cars[0], motion.t
     off = np.flatnonzero(car.shoe_force == car.contact_force)
     off = off[car.shoe_force[off] != 0.0][1:-1]
@@ -59,7 +59,7 @@ def test_the_cabin_over_the_tower_is_a_pendulum_on_the_path_of_its_car(method, l
 @pytest.mark.parametrize("method", [ELEMENTS, SINES])
 def test_moments_about_the_hanger_balance_through_all_events(method, line):
     """Where the car takes the rope its velocity jumps a little, and J dphi/dt + m h v . e1 does not."""
-    run = runs(method, line).run(2, 2)
+    run = line_runs(method, line).run(2, 2)
     at = [t for _, t in run.events]
     assert len(at) == 4
     t, car = run.motion.t, run.motion.cars[0]
@@ -73,12 +73,12 @@ def test_moments_about_the_hanger_balance_through_all_events(method, line):
 
 @pytest.mark.slow
 def test_both_solvers_agree_on_a_cabin_over_a_tower():
-    elements = runs(ELEMENTS, "hauled")
+    elements = line_runs(ELEMENTS, "hauled")
     ladders = elements.ladder(4, 4), LineRuns(SINES, HAULED, elements).ladder(4, 4)
     assert worst_deciding_verdict(compare_and_check_laws(HAULED, *ladders, LineTolerance(2e-3, 2e-2))).value == "agree"
 
 
-def held_over_the_tower(motion):
+def with_cabin_held(motion):
     """The cabin keeps its angle while its car is off the rope."""
     car = motion.cars[0]
     off = (car.shoe_force != 0.0) & (car.shoe_force == car.contact_force)
@@ -96,7 +96,7 @@ def broken_laws(ladder):
 
 
 def test_a_cabin_that_does_not_swing_over_the_tower_is_seen():
-    sound = runs(ELEMENTS, "hauled").ladder(2, 2)
+    sound = line_runs(ELEMENTS, "hauled").ladder(2, 2)
     assert not broken_laws(sound)
-    wrong = sound.map(lambda run: dataclasses.replace(run, motion=held_over_the_tower(run.motion)))
+    wrong = sound.map(lambda run: dataclasses.replace(run, motion=with_cabin_held(run.motion)))
     assert "moment of momentum of bodies" in broken_laws(wrong)

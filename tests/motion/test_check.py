@@ -10,7 +10,7 @@ import pytest
 
 import cablefem as cf
 from cablefem.scene.line import Line
-from tests.commands.calls import lines
+from tests.commands.calls import fault_lines
 from tests.motion.lines import BODIES
 from validation.commands.check.motion import check_line, compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, motion_answers
@@ -79,11 +79,11 @@ def by_sines(line):
     return LineRuns(SINES, line).ladder(2, 2)
 
 
-def verdict(*of):
+def check_verdict(*of):
     return worst_deciding_verdict(compare_and_check_laws(*of, ASKED)).value
 
 
-def changed(ladder, change):
+def with_motion_changed(ladder, change):
     return ladder.map(lambda run: dataclasses.replace(run, motion=change(run.motion)))
 
 
@@ -101,34 +101,34 @@ def test_a_fault_of_a_percent_in_one_solver_is_seen(line, by_sines, key):
     """A car of another acceleration has another timetable; both solvers step on the instants of one."""
     other = line.replace({key: 9.908 if key == "gravity" else "+1%"})
     fault = LineRuns(ELEMENTS, other, LineRuns(SINES, line)).ladder(2, 2)
-    assert verdict(line, by_sines, fault) == "disagree"
+    assert check_verdict(line, by_sines, fault) == "disagree"
 
 
-def without_height(motion):
+def without_weight_of_rope(motion):
     """The power of a counterweight whose rope enters without its weight q y."""
     weight = motion.contacts[2]
     powers = motion.powers | {"mountain weight": motion.powers["mountain weight"] + 11.4 * 9.81 * -480.0 * weight.ds}
     return dataclasses.replace(motion, powers=powers)
 
 
-def swapped(motion):
+def with_cars_swapped(motion):
     one, other = motion.cars
     cars = dataclasses.replace(other, name=one.name), dataclasses.replace(one, name=other.name)
     return dataclasses.replace(motion, cars=cars)
 
 
-def hauled_too_much(motion):
+def with_wrong_haul(motion):
     one, other = motion.cars
     return dataclasses.replace(motion, cars=(one, dataclasses.replace(other, haul_force=1.05 * other.haul_force)))
 
 
-@pytest.mark.parametrize("fault", [without_height, swapped, hauled_too_much])
+@pytest.mark.parametrize("fault", [without_weight_of_rope, with_cars_swapped, with_wrong_haul])
 def test_a_fault_in_an_answer_is_seen(line, by_elements, by_sines, fault):
-    assert verdict(line, by_elements, changed(by_sines, fault)) == "disagree"
+    assert check_verdict(line, by_elements, with_motion_changed(by_sines, fault)) == "disagree"
 
 
 def test_a_fault_that_both_share_is_seen_by_the_laws_alone(line, by_elements, by_sines):
-    both = [changed(ladder, hauled_too_much) for ladder in (by_elements, by_sines)]
+    both = [with_motion_changed(ladder, with_wrong_haul) for ladder in (by_elements, by_sines)]
     wrong = {row.quantity for row in compare_and_check_laws(line, *both, ASKED) if row.verdict.value == "disagree"}
     assert wrong == {"laws_si"}
 
@@ -144,7 +144,7 @@ def test_a_ring_of_a_car_that_grips_is_no_gap_and_a_force_off_by_as_much_is_one(
             grip = one.grip_force + force * shape(2.0 * np.pi * motion.t / ring)
             return dataclasses.replace(motion, cars=(dataclasses.replace(one, grip_force=grip), other))
 
-        rows = compare_and_check_laws(line, by_elements, changed(by_sines, wrong), ASKED)
+        rows = compare_and_check_laws(line, by_elements, with_motion_changed(by_sines, wrong), ASKED)
         return next(row.gap for row in rows if row.quantity == "grip_force")
 
     assert gap(np.sin) < 0.1 * 0.03
@@ -178,15 +178,15 @@ def test_a_saddle_a_counterweight_and_two_cars_agree(cablefem, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def answer(line, by_elements):
+def line_answers(line, by_elements):
     return motion_answers(line, by_elements, None)
 
 
-def test_answers_to_a_line_are_asserted_to_agree_and_a_fault_is_told_with_its_place(line, answer, by_sines):
+def test_answers_to_a_line_are_asserted_to_agree_and_a_fault_is_told_with_its_place(line, line_answers, by_sines):
     def answer_with(change):
-        return motion_answers(line, changed(by_sines, change), None)
+        return motion_answers(line, with_motion_changed(by_sines, change), None)
 
-    rows = cf.assert_agree(answer, answer_with(lambda motion: motion), path=1e-3, tension=1e-2)
+    rows = cf.assert_agree(line_answers, answer_with(lambda motion: motion), path=1e-3, tension=1e-2)
     assert [row.law for row in rows[:2]] == ["up", "down"]
 
     def lowered(motion):
@@ -194,10 +194,10 @@ def test_answers_to_a_line_are_asserted_to_agree_and_a_fault_is_told_with_its_pl
         late = up.point + np.stack([0.0 * motion.t, 0.05 * motion.t / motion.t[-1]], axis=1)
         return dataclasses.replace(motion, cars=(dataclasses.replace(up, point=late), down))
 
-    end = f"{answer.t[-1]:.4g}"
+    end = f"{line_answers.t[-1]:.4g}"
     with pytest.raises(AssertionError, match=rf"path_max of up: gap .*, allowed 0.001, largest at t = {end} s"):
-        cf.assert_agree(answer, answer_with(lowered))
-    cf.assert_agree(answer, answer_with(lowered), window=(0.0, 0.02 * answer.t[-1]))
+        cf.assert_agree(line_answers, answer_with(lowered))
+    cf.assert_agree(line_answers, answer_with(lowered), window=(0.0, 0.02 * line_answers.t[-1]))
 
     def tauter(motion):
         valley, *others = motion.contacts
@@ -205,21 +205,21 @@ def test_answers_to_a_line_are_asserted_to_agree_and_a_fault_is_told_with_its_pl
         return dataclasses.replace(motion, contacts=(dataclasses.replace(valley, tension_ahead=ahead), *others))
 
     with pytest.raises(AssertionError, match=r"tension of valley: gap 0\.0"):
-        cf.assert_agree(answer, answer_with(tauter), tension=1e-2)
+        cf.assert_agree(line_answers, answer_with(tauter), tension=1e-2)
 
 
-def test_an_answer_to_a_line_is_not_compared_with_one_of_one_span(answer):
+def test_an_answer_to_a_line_is_not_compared_with_one_of_one_span(line_answers):
     one_span = cf.run("tramway", elements=3, steps=60, bars=False)
     with pytest.raises(AssertionError, match="cannot be compared: one is of one span, the other of a line"):
-        cf.assert_agree(answer, one_span)
+        cf.assert_agree(line_answers, one_span)
 
 
-def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, answer):
+def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, line_answers):
     folder = tmp_path / "a"
-    answer.write(folder, 0.0)
-    assert not faults_of_line_files(folder, answer.motion, answer.design, answer.moved.period)
-    wrong = [number | {"value": number["value"] * 1.01 + 2.0 * number["bar"]} for number in answer.design]
-    faults = faults_of_line_files(folder, answer.motion, wrong, answer.moved.period)
+    line_answers.write(folder, 0.0)
+    assert not faults_of_line_files(folder, line_answers.motion, line_answers.design, line_answers.moved.period)
+    wrong = [number | {"value": number["value"] * 1.01 + 2.0 * number["bar"]} for number in line_answers.design]
+    faults = faults_of_line_files(folder, line_answers.motion, wrong, line_answers.moved.period)
     assert [fault.partition(" = ")[0] for fault in faults] == [number["quantity"] for number in wrong]
     file = folder / "path-up.csv"
     head, *body = file.read_text().splitlines()
@@ -228,28 +228,28 @@ def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, answer):
     for row in table:
         row[column] = str(1.001 * float(row[column]))
     file.write_text("\n".join([head, *(",".join(row) for row in table)]) + "\n")
-    faults = faults_of_line_files(folder, answer.motion, [], answer.moved.period)
+    faults = faults_of_line_files(folder, line_answers.motion, [], line_answers.moved.period)
     assert faults == ["path-up.csv: y is not what was computed"]
 
 
-def page_of(folder):
+def page_html(folder):
     return "".join(section.html for section in motion_sections(folder))
 
 
 @pytest.mark.parametrize("key", ["value", "bar", "t"])
-def test_the_table_of_numbers_on_the_page_is_read_back(tmp_path, answer, key):
-    answer.write(tmp_path, 0.0)
-    assert not answer.output_faults(tmp_path, page_of(tmp_path))
+def test_the_table_of_numbers_on_the_page_is_read_back(tmp_path, line_answers, key):
+    line_answers.write(tmp_path, 0.0)
+    assert not line_answers.output_faults(tmp_path, page_html(tmp_path))
     summary = json.loads((tmp_path / "summary.json").read_text())
     safety = next(d for d in summary["design"] if d["quantity"] == "safety_factor_min")
     safety[key] *= 1.1
     (tmp_path / "summary.json").write_text(json.dumps(summary))
-    (fault,) = answer.output_faults(tmp_path, page_of(tmp_path))
+    (fault,) = line_answers.output_faults(tmp_path, page_html(tmp_path))
     assert fault.startswith("page: safety factor: breaking load over largest tension: ")
 
 
-def test_the_safety_factor_in_motion_is_the_breaking_load_over_the_largest_tension(answer):
-    found = {d["quantity"]: d for d in answer.design}
+def test_the_safety_factor_in_motion_is_the_breaking_load_over_the_largest_tension(line_answers):
+    found = {d["quantity"]: d for d in line_answers.design}
     tension = found["tension_max"]
     safety = found["safety_factor_min"]
     assert safety["value"] == pytest.approx(1.6e6 / tension["value"])
@@ -263,9 +263,9 @@ def test_the_safety_factor_in_motion_is_the_breaking_load_over_the_largest_tensi
      (0.5, "too close to tell whether the rope breaks", "arrives"), (-2.0, "ends after", "arrives")],
 )  # fmt: skip
 def test_a_rope_within_the_bar_of_its_breaking_load_is_too_close_to_tell(
-    line, by_elements, answer, bars_beyond, says, kind
+    line, by_elements, line_answers, bars_beyond, says, kind
 ):  # fmt: skip
-    tension = answer.tension_max
+    tension = line_answers.tension_max
     load = tension["value"] - bars_beyond * tension["bar"]
     bare = {"cable.breaking_load": load, "obstacle": []}
     outcome = motion_answers(line.replace(bare), by_elements, None).outcome
@@ -277,27 +277,27 @@ def test_a_rope_within_the_bar_of_its_breaking_load_is_too_close_to_tell(
     ("bars_beyond", "says"),
     [(2.0, "would collide: up hits road by"), (0.5, "too close to tell whether up clears road")],
 )
-def test_a_car_within_the_bar_of_an_obstacle_is_too_close_to_tell(line, by_elements, answer, bars_beyond, says):
-    clearance = next(d for d in answer.design if d["quantity"] == "clearance_car:up over road")
+def test_a_car_within_the_bar_of_an_obstacle_is_too_close_to_tell(line, by_elements, line_answers, bars_beyond, says):
+    clearance = next(d for d in line_answers.design if d["quantity"] == "clearance_car:up over road")
     top = -40.0 - clearance["value"] - bars_beyond * clearance["bar"]
     outcome = motion_answers(line.replace({"obstacle.road.top": top}), by_elements, None).outcome
     assert says in outcome.sentence
 
 
-def test_cars_and_rope_in_motion_clear_what_they_pass(answer):
+def test_cars_and_rope_in_motion_clear_what_they_pass(line_answers):
     """The rope moves with the car over the road; no car passes the hut."""
-    found = {d["quantity"]: d["value"] for d in answer.design if d["quantity"].startswith("clearance")}
+    found = {d["quantity"]: d["value"] for d in line_answers.design if d["quantity"].startswith("clearance")}
     assert found.keys() == {"clearance_rope:road", "clearance_rope:hut", "clearance_car:up over road"}
-    up = answer.cars[0].point
+    up = line_answers.cars[0].point
     passing = np.interp(260.0, up[:, 0], up[:, 1])
     assert found["clearance_car:up over road"] == pytest.approx(-40.0 - passing - 5.0, abs=1e-9)
     assert found["clearance_rope:road"] <= found["clearance_car:up over road"] + 5.0 + 1e-9
 
 
-def test_a_line_in_motion_says_where_its_cars_are(answer):
-    assert [car.name for car in answer.cars] == ["up", "down"]
-    assert answer.contacts[2].rise[0] == 0.0
-    assert np.all(np.diff(answer.cars[0].s) >= 0.0)
+def test_a_line_in_motion_says_where_its_cars_are(line_answers):
+    assert [car.name for car in line_answers.cars] == ["up", "down"]
+    assert line_answers.contacts[2].rise[0] == 0.0
+    assert np.all(np.diff(line_answers.cars[0].s) >= 0.0)
 
 
 @pytest.mark.slow
@@ -360,7 +360,7 @@ def test_what_cannot_move_is_refused_in_one_sentence(cablefem, tmp_path, text, s
     code, out, err = cablefem("check", "bad.toml")
     assert (code, out) == (2, "")
     assert says in err
-    assert len(lines(err)) == 1
+    assert len(fault_lines(err)) == 1
     assert not (tmp_path / "cablefem-out").exists()
 
 

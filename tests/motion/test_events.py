@@ -11,18 +11,18 @@ from cablefem.newmark import StepFailure, Work, integrate, integrate_blocks, sch
 from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
-from tests.motion.lines import LEFT, Smooth, anchor, car, line, run, saddle
+from tests.motion.lines import LEFT, Smooth, anchor, car, line, run_and_observe, saddle
 
 ZIP = {"mass_per_length": 1.1, "EA": 1.2e6, "length": 151.0}
 
 
-def rider(t_end: float = 30.0, **drive: float):
+def rider_line(t_end: float = 30.0, **drive: float):
     return line(
         ZIP, LEFT, car("rider", 95.0, None, "free", start=15.0, **drive), anchor("right", 150.0, 3.0), t_end=t_end
     )
 
 
-def ending(scene, steps: int) -> tuple[list[str], float]:
+def event_names_and_end_time(scene, steps: int) -> tuple[list[str], float]:
     """Names of the events and the time of the last state."""
     system, work = LineElements(scene, elements=3), Work()
     blocks = list(integrate_blocks(system, scheme("radau"), step_times_by_phase(system, steps), work=work))
@@ -31,7 +31,7 @@ def ending(scene, steps: int) -> tuple[list[str], float]:
 
 
 def test_a_free_rider_keeps_the_account_of_energy():
-    x = run(LineElements(rider(8.0, mu_r=0.02, k=0.3, wind=-2.0), elements=4), 320)
+    x = run_and_observe(LineElements(rider_line(8.0, mu_r=0.02, k=0.3, wind=-2.0), elements=4), 320)
     work = np.append(0.0, cumulative_simpson(sum(x.powers.values()), x=x.t))
     np.testing.assert_allclose(x.energy - x.energy[0], work, atol=5e-4 * np.ptp(x.energy))
     at = x.cars[0]
@@ -40,11 +40,11 @@ def test_a_free_rider_keeps_the_account_of_energy():
 
 
 def test_friction_stops_a_rider_or_holds_it():
-    names, t = ending(rider(mu_r=0.15), 300)
+    names, t = event_names_and_end_time(rider_line(mu_r=0.15), 300)
     assert names == ["rider stops"]
     assert 5.0 < t < 29.0
     with pytest.raises(StepFailure, match="friction or brakes hold rider where it begins"):
-        LineElements(rider(mu_r=0.9)).start(0, None)
+        LineElements(rider_line(mu_r=0.9)).start(0, None)
 
 
 @pytest.mark.parametrize("system", [LineElements, lambda scene: LineSines(scene, 6)])
@@ -54,13 +54,13 @@ def test_a_thrust_moves_a_car_that_its_brake_alone_would_hold(system):
         contact = car("sled", 95.0, None, "free", start=75.0, thrust_table=times, brakes=((0.0, 1500.0),))
         return system(line(ZIP, LEFT, contact, anchor("right", 150.0, 3.0), t_end=1.0))
 
-    assert run(sled(3000.0), 20).cars[0].ds[-1] > 5.0
+    assert run_and_observe(sled(3000.0), 20).cars[0].ds[-1] > 5.0
     with pytest.raises(StepFailure, match="friction or brakes hold sled where it begins"):
         sled(1000.0).start(0, None)
 
 
 def test_a_brake_is_reached_in_both_wings_and_acts_from_there_on():
-    scene = rider(8.0, mu_r=0.02, brakes=((40.0, 100.0),))
+    scene = rider_line(8.0, mu_r=0.02, brakes=((40.0, 100.0),))
     times = []
     for system in (LineElements(scene, elements=3), LineSines(scene, 6)):
         work = Work()
@@ -79,7 +79,7 @@ def test_a_brake_is_reached_in_both_wings_and_acts_from_there_on():
 
 def test_two_cars_that_meet_end_the_run():
     contacts = car("one", 95.0, None, "free", start=15.0), car("two", 80.0, None, "free", start=30.0, mu_r=0.04)
-    names, _ = ending(line(ZIP, LEFT, *contacts, anchor("right", 150.0, 3.0), t_end=30.0), 300)
+    names, _ = event_names_and_end_time(line(ZIP, LEFT, *contacts, anchor("right", 150.0, 3.0), t_end=30.0), 300)
     assert names == ["one meets two"]
 
 
@@ -105,7 +105,7 @@ def test_a_car_reaches_a_saddle_a_meter_before_it():
     rope = {"mass_per_length": 9.0, "EA": 1.4e8, "length": 824.0}
     scene = line(rope, LEFT, car("up", 2000.0, Smooth(385.0, 5.0, 4.0)), saddle("tower", 400.0, -30.0),
                  anchor("right", 820.0, -20.0))  # fmt: skip
-    names, t = ending(scene, 60)
+    names, t = event_names_and_end_time(scene, 60)
     assert names == ["up reaches tower"]
     assert 5.0 < t < 6.0
 

@@ -35,7 +35,7 @@ at = [300.0, 20.0]
 """
 
 
-def rider(name, mass, start, brake):
+def rider_toml(name, mass, start, brake):
     """A free car: mass [kg], start [m], and brake from [m] with a force [N]."""
     return f"""
 [[car]]
@@ -51,7 +51,7 @@ end = {{time = 30.0}}
 """
 
 
-RIDERS = ROPE + rider("rear", 80.0, 8.0, (60.0, 500.0)) + rider("ahead", 95.0, 40.0, (220.0, 300.0))
+RIDERS = ROPE + rider_toml("rear", 80.0, 8.0, (60.0, 500.0)) + rider_toml("ahead", 95.0, 40.0, (220.0, 300.0))
 FRICTION = "friction that holds cars"
 WINGS = {
     "elements": lambda scene, n: LineElements(scene, elements=n),
@@ -71,7 +71,7 @@ def ladders(line):
     return first.ladder(2, 2), LineRuns(SINES, line, first).ladder(2, 2)
 
 
-def ride(wing, line, n, steps):
+def event_times_and_motion(wing, line, n, steps):
     """Events and motion."""
     system, work = WINGS[wing](line_in_motion(line, solve), n), Work()
     states = list(integrate(system, scheme("radau"), step_times_by_phase(system, steps), work=work))
@@ -80,7 +80,7 @@ def ride(wing, line, n, steps):
 
 @pytest.mark.parametrize("wing", WINGS)
 def test_the_run_goes_on_past_a_rider_that_its_brake_holds(line, wing):
-    times, x = ride(wing, line, 2, 240)
+    times, x = event_times_and_motion(wing, line, 2, 240)
     assert list(times) == ["rear brakes", "rear stops", "ahead brakes", "ahead stops"]
     assert times["rear stops"] == pytest.approx(9.33, abs=0.02)
     rear, ahead = x.cars
@@ -125,7 +125,7 @@ def test_a_rider_that_stays_though_its_brake_is_too_weak_is_seen_by_the_law_of_f
 def test_the_wave_of_another_brake_tears_a_rider_loose(line, wing):
     """It runs along the unstretched rope at sqrt(EA/rho)."""
     brakes = {"car.rear.drive.brake.0.from": 30.0, "car.rear.drive.brake.0.force": 240.0}
-    times, x = ride(wing, line.replace(brakes | {"car.ahead.drive.brake.0.force": 1500.0}), 8, 480)
+    times, x = event_times_and_motion(wing, line.replace(brakes | {"car.ahead.drive.brake.0.force": 1500.0}), 8, 480)
     assert times["rear breaks loose"] > times["ahead brakes"]
     first = np.searchsorted(x.t, times["ahead brakes"])
     moved = x.t[np.flatnonzero((x.t > times["ahead brakes"]) & (x.cars[0].ds != 0.0))[0]]
@@ -183,7 +183,7 @@ def test_a_rattle_of_a_car_that_stays_is_no_event():
 
 def test_a_rider_that_a_slow_release_holds_at_first_sets_out():
     """Waves stop it again and again while the hold goes."""
-    held = ROPE + rider("ahead", 95.0, 40.0, (220.0, 300.0)) + "release = 6.0\n"
+    held = ROPE + rider_toml("ahead", 95.0, 40.0, (220.0, 300.0)) + "release = 6.0\n"
     alone = Line.from_toml(held)
     run = LineRuns(ELEMENTS, alone).run(2, 2)
     assert [name for name, _ in run.events] == ["ahead brakes", "ahead stops"]

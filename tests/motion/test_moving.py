@@ -10,18 +10,18 @@ from cablefem.elements.system import LineElements
 from cablefem.newmark import Work, consistent_acceleration, integrate, scheme, step_times_by_phase
 from cablefem.scene.motion import Motion, Piece
 from galerkin.lines import LineSines
-from tests.motion.lines import ALL, LEFT, anchor, car, line, run, states_of
+from tests.motion.lines import ALL, LEFT, anchor, car, line, run_and_observe, states_by_radau
 
 G = 9.81
 
 
 @pytest.fixture(scope="module")
-def everything():
-    return run(LineElements(ALL), 240, np.linspace(5.0, 1100.0, 40))
+def motion_of_everything():
+    return run_and_observe(LineElements(ALL), 240, np.linspace(5.0, 1100.0, 40))
 
 
-def test_energy_is_what_drives_and_weights_put_in(everything):
-    x = everything
+def test_energy_is_what_drives_and_weights_put_in(motion_of_everything):
+    x = motion_of_everything
     work = np.append(0.0, cumulative_simpson(sum(x.powers.values()), x=x.t))
     size = np.ptp(x.energy)
     np.testing.assert_allclose(x.energy - x.energy[0], work, atol=5e-5 * size)
@@ -29,10 +29,10 @@ def test_energy_is_what_drives_and_weights_put_in(everything):
     assert np.abs(x.energy - x.energy[0] - without).max() > 1e-2 * size
 
 
-def test_momentum_jumps_at_each_car_by_its_force(everything):
+def test_momentum_jumps_at_each_car_by_its_force(motion_of_everything):
     """[N t - rho ds^2 r'] = M (p.. - g j) - F tau - drag, with N by the slopes."""
     rope = ALL.rope
-    for at, given in zip(everything.cars, ALL.cars, strict=True):
+    for at, given in zip(motion_of_everything.cars, ALL.cars, strict=True):
         sides = []
         for slope in (at.slope_behind, at.slope_ahead):
             lam = np.linalg.norm(slope, axis=1)
@@ -48,19 +48,19 @@ def test_momentum_jumps_at_each_car_by_its_force(everything):
         np.testing.assert_allclose(sides[1] - sides[0], want, atol=1e-4 * given.mass * G)
 
 
-def test_tension_is_the_same_on_both_sides_of_saddles_and_cars_without_friction(everything):
-    tower, smooth = everything.contacts[1], everything.cars[2]
+def test_tension_is_the_same_on_both_sides_of_saddles_and_cars_without_friction(motion_of_everything):
+    tower, smooth = motion_of_everything.contacts[1], motion_of_everything.cars[2]
     for at in (tower, smooth):
         np.testing.assert_allclose(at.tension_behind, at.tension_ahead, rtol=1e-5)  # Newton's: 1e-4 of a weight
-    grip = everything.cars[0]
+    grip = motion_of_everything.cars[0]
     assert (np.abs(grip.tension_ahead / grip.tension_behind - 1.0) > 1e-3).all()
     assert np.ptp(tower.s) > 0.05, "the rope must run over the saddle, or the test shows nothing"
 
 
-def test_stations_and_contacts_show_one_tension(everything):
-    near = np.abs(everything.s - 1.0) < 1e-9
+def test_stations_and_contacts_show_one_tension(motion_of_everything):
+    near = np.abs(motion_of_everything.s - 1.0) < 1e-9
     assert not near.any()
-    x = run(LineElements(dataclasses.replace(ALL, t_end=1.0)), 12, [0.0, 300.0])
+    x = run_and_observe(LineElements(dataclasses.replace(ALL, t_end=1.0)), 12, [0.0, 300.0])
     np.testing.assert_allclose(x.tension[:, 0], x.contacts[0].tension_ahead, rtol=1e-4)
 
 
@@ -70,7 +70,7 @@ def test_a_mirrored_line_moves_alike():
                  anchor("right", 400.0, -60.0), t_end=6.0)  # fmt: skip
     mirrored = line(rope, LEFT, car("b", 700.0, _steady(115.0, 9.0), "haul"), car("a", 900.0, _steady(325.0, -12.0)),
                     anchor("right", 400.0, 60.0), t_end=6.0)  # fmt: skip
-    x, y = (run(LineElements(z, elements=4), 60) for z in (scene, mirrored))
+    x, y = (run_and_observe(LineElements(z, elements=4), 60) for z in (scene, mirrored))
     for one, other in zip(x.cars, reversed(y.cars), strict=True):
         np.testing.assert_allclose(one.point[:, 0], 400.0 - other.point[:, 0], atol=1e-7)
         np.testing.assert_allclose(one.point[:, 1] + 60.0, other.point[:, 1], atol=1e-7)
@@ -98,17 +98,17 @@ def test_two_gripping_cars_on_a_taut_string_meet_each_others_waves(gravity, allo
     # the string begins in its own shape at rest, which is taken away: the answer is of first order
     unloaded, system = string(1e-9 * masses, gravity), string(masses, gravity)
     rest = unloaded.start(0, None)
-    states = states_of(system, 130, consistent_acceleration(system, 0.0, rest.q, rest.v, 0))
+    states = states_by_radau(system, 130, consistent_acceleration(system, 0.0, rest.q, rest.v, 0))
     x = system.observe(states, np.array([1.0]))
     bends = gravity * (1.0 + (speed / c) ** 2)  # the way along the string's own shape is curved
-    exact = _string_answer(x.t, l, c, T, masses, begin, speed, bends)
+    exact = _displacements_on_string(x.t, l, c, T, masses, begin, speed, bends)
     for at, want in zip(x.cars, exact, strict=True):
         away = at.point[:, 0]
         w = at.point[:, 1] - 0.5 * rho / lam * gravity * away * (l - away) / T
         assert np.abs(w - want).max() < allowed * np.abs(want).max()
 
 
-def _string_answer(t, l, c, T, masses, begin, speed, gravity):
+def _displacements_on_string(t, l, c, T, masses, begin, speed, gravity):
     """w_i = (c/2T) sum over cars and images (2 m l +- x_j, sign +-) of +- I_j at the retarded time."""
     fine = np.linspace(0.0, t[-1], 1001)
     dt, n = fine[1], fine.size

@@ -15,7 +15,7 @@ from validation.page.motion import motion_sections
 
 
 @pytest.fixture(scope="module")
-def stored(tmp_path_factory):
+def answers_folder_and_page(tmp_path_factory):
     """A coarse answer, its folder and its page."""
     line = Line.from_toml(EVERYTHING)
     result = motion_answers(line, LineRuns(ELEMENTS, line).ladder(1, 1), None)
@@ -25,8 +25,8 @@ def stored(tmp_path_factory):
     return result, folder, "".join(section.html for section in motion_sections(folder))
 
 
-def test_the_side_view_has_all_cars_and_weights_in_motion(stored):
-    result, _, html = stored
+def test_the_side_view_has_all_cars_and_weights_in_motion(answers_folder_and_page):
+    result, _, html = answers_folder_and_page
     view = json.loads(re.search(r'<script type="application/json">(.*?)</script>', html)[1])
     cable = view["cables"][0]
     assert [x["name"] for x in cable["touching"] if x["readout"]] == ["up", "down"]
@@ -37,8 +37,8 @@ def test_the_side_view_has_all_cars_and_weights_in_motion(stored):
     assert [path["below"] for path in view["paths"]] == [5.0, 0.0]
 
 
-def test_what_the_side_view_draws_is_what_was_computed(stored):
-    result, folder, html = stored
+def test_what_the_side_view_draws_is_what_was_computed(answers_folder_and_page):
+    result, folder, html = answers_folder_and_page
     motion = result.motion
     assert not list(line_motion_faults(html, folder, motion))
     up, *others = motion.cars
@@ -50,8 +50,8 @@ def test_what_the_side_view_draws_is_what_was_computed(stored):
         assert told in "; ".join(line_motion_faults(html, folder, wrong))
 
 
-def test_the_page_says_the_scene_as_it_was_read(stored):
-    *_, html = stored
+def test_the_page_says_the_scene_as_it_was_read(answers_folder_and_page):
+    *_, html = answers_folder_and_page
     values = dict(
         re.findall(r'data-label="key"><div>([^<]*)</div></td>\s*<td[^>]*data-label="value"><div>([^<]*)<', html)
     )

@@ -37,13 +37,13 @@ to = 645.985263
 """
 
 
-def last_position(answer):
+def numbers_at_last_position(answer):
     return {name: value for name, value in answer.numbers[-1].items() if not name.startswith("on:")}
 
 
 def test_a_timetable_along_the_rope_ends_at_the_state_of_rest_that_the_text_on_lines_prints():
     """Shared text on lines, section 4: s = 650, the left end of the empty line at s = 4.014737."""
-    found = last_position(cf.quasi_static(Line.from_toml(TRAMWAY)))
+    found = numbers_at_last_position(cf.quasi_static(Line.from_toml(TRAMWAY)))
     assert found["x:car"] == pytest.approx(640.052271, abs=1e-5)
     assert found["depth:car"] == pytest.approx(-148.607581, abs=1e-5)
     assert found["haul:car"] == pytest.approx(22261.47, abs=0.1)

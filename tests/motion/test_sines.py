@@ -25,13 +25,13 @@ from tests.motion.lines import (
     anchor,
     car,
     line,
-    run,
+    run_and_observe,
     saddle,
     spring,
-    states_of,
+    states_by_radau,
     weight,
 )
-from tests.motion.test_moving import _steady, _string_answer
+from tests.motion.test_moving import _displacements_on_string, _steady
 from tests.scene.test_ride import ZIP
 
 TWO = line({"mass_per_length": 11.4, "EA": 2.1e8, "length": 812.0}, LEFT, car("up", 5000.0, Smooth(100.0, 8.0)),
@@ -45,7 +45,7 @@ WHEELS = Wheels(base=3.0, inertia=4e3, below=1.5, ahead=0.3)
 CABIN = Hanger(mass=800.0, length=4.0, gyration=1.2, damping=0.1)
 
 
-def shaken(scene, terms=5):
+def system_and_random_state(scene, terms=5):
     """A system and a state far from balance."""
     system, rng = LineSines(scene, terms), np.random.default_rng(3)
     x = system.start(0, None)
@@ -61,7 +61,7 @@ def test_tangent_is_the_derivative(bodies):
         dataclasses.replace(c, **bodies, drive=dataclasses.replace(c.drive, **turned)) if isinstance(c, Car) else c
         for c in (*ALL.contacts[:-1], free, ALL.contacts[-1])
     ]
-    system, x = shaken(dataclasses.replace(ALL, contacts=tuple(cars)))
+    system, x = system_and_random_state(dataclasses.replace(ALL, contacts=tuple(cars)))
     _, tangent = system.equations.linearise(system.coordinates_with_rates(x), system.frictions_at(1.0))
     rng = np.random.default_rng(5)
     for which, part, step in ((1, tangent[0], 1e-4), (2, tangent[1], 1e-3), (3, tangent[2], 1e-1)):
@@ -79,7 +79,7 @@ def test_tangent_is_the_derivative(bodies):
 
 
 def test_newton_doubles_the_digits():
-    system, x = shaken(ALL)
+    system, x = system_and_random_state(ALL)
     dt, a, norms = 0.02, x.a, []
     for _ in range(4):
         state = x.t, x.q + dt**2 * a / 4.0, x.v + dt * a / 2.0, a, 0
@@ -109,22 +109,22 @@ def test_frequencies_of_a_car_and_of_a_counterweight():
 
 
 @pytest.fixture(scope="module")
-def runs():
+def runs_of_both_wings():
     s = np.linspace(5.0, 560.0, 12)
     known = {}
 
     def both(name):
         if name not in known:
             scene = SCENES[name]
-            known[name] = run(LineElements(scene), 160, s), run(LineSines(scene, 6), 160, s)
+            known[name] = run_and_observe(LineElements(scene), 160, s), run_and_observe(LineSines(scene, 6), 160, s)
         return known[name]
 
     return both
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_both_wings_agree(name, runs):
-    one, other = runs(name)
+def test_both_wings_agree(name, runs_of_both_wings):
+    one, other = runs_of_both_wings(name)
     T = max(np.nanmax(c.tension_ahead) for c in one.cars)
     np.testing.assert_allclose(one.points, other.points, atol=1e-4)
     np.testing.assert_allclose(one.tension, other.tension, atol=1e-5 * T)
@@ -142,8 +142,8 @@ def test_both_wings_agree(name, runs):
 
 
 @pytest.mark.parametrize("name", ["two cars", "all"])
-def test_energy_is_what_drives_and_weights_put_in(name, runs):
-    x = runs(name)[1]
+def test_energy_is_what_drives_and_weights_put_in(name, runs_of_both_wings):
+    x = runs_of_both_wings(name)[1]
     work = np.append(0.0, cumulative_simpson(sum(x.powers.values()), x=x.t))
     np.testing.assert_allclose(x.energy - x.energy[0], work, atol=1e-4 * np.ptp(x.energy))
 
@@ -156,8 +156,8 @@ def test_a_mirrored_line_moves_alike():
         tower = saddle("tower", end - tower.point[0], tower.point[1] - drop)
         return dataclasses.replace(scene, contacts=(left, tower, up, anchor("right", end, -drop)), t_end=8.0)
 
-    x = run(LineSines(dataclasses.replace(SLIDING, t_end=8.0), 4), 60)
-    y = run(LineSines(mirrored(SLIDING), 4), 60)
+    x = run_and_observe(LineSines(dataclasses.replace(SLIDING, t_end=8.0), 4), 60)
+    y = run_and_observe(LineSines(mirrored(SLIDING), 4), 60)
     reflected = [820.0, -20.0] + y.cars[0].point * [-1.0, 1.0]
     np.testing.assert_allclose(x.cars[0].point, reflected, atol=1e-7)
     np.testing.assert_allclose(x.cars[0].tension_behind, y.cars[0].tension_ahead, rtol=1e-9)
@@ -194,9 +194,9 @@ def test_two_gripping_cars_on_a_taut_string_meet_each_others_waves():
         return LineSines(line(rope, LEFT, *cars, anchor("right", l, 0.0), t_end=1.3, gravity=gravity), 20)
 
     system, unloaded = string(masses), string(1e-9 * masses)
-    x = system.observe(states_of(system, 130, system.with_acceleration(unloaded.start(0, None))), np.array([1.0]))
+    x = system.observe(states_by_radau(system, 130, system.with_acceleration(unloaded.start(0, None))), np.array([1.0]))
     bends = gravity * (1.0 + (speed / c) ** 2)  # the path along the shape of the rope is curved
-    exact = _string_answer(x.t, l, c, T, masses, begin, speed, bends)
+    exact = _displacements_on_string(x.t, l, c, T, masses, begin, speed, bends)
     for at, want in zip(x.cars, exact, strict=True):
         along, depth = at.point.T
         w = depth - 0.5 * rho / lam * gravity * along * (l - along) / T

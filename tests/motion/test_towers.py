@@ -25,41 +25,41 @@ GRIPS = Line.from_toml(OVER.replace('drive = {mode = "haul", drag_area = 2.0}', 
 
 
 @functools.cache
-def runs(method, drive):
+def line_runs(method, drive):
     return LineRuns(method, {"hauled": HAULED, "grips": GRIPS}[drive])
 
 
 @pytest.fixture(
     scope="module", params=[(method, drive) for method in (ELEMENTS, SINES) for drive in ("hauled", "grips")]
 )
-def moved(request):
-    return runs(*request.param).run(2, 2)
+def motion_over_tower(request):
+    return line_runs(*request.param).run(2, 2)
 
 
-def test_a_car_lands_on_the_shoe_leaves_the_rope_takes_it_and_leaves_the_shoe(moved):
-    assert [name for name, _ in moved.events] == [f"car {does} tower" for does in EVENTS]
-    x = moved.motion.cars[0].point[:, 0]
-    at = np.interp([t for _, t in moved.events], moved.motion.t, x)
+def test_a_car_lands_on_the_shoe_leaves_the_rope_takes_it_and_leaves_the_shoe(motion_over_tower):
+    assert [name for name, _ in motion_over_tower.events] == [f"car {does} tower" for does in EVENTS]
+    x = motion_over_tower.motion.cars[0].point[:, 0]
+    at = np.interp([t for _, t in motion_over_tower.events], motion_over_tower.motion.t, x)
     np.testing.assert_allclose(at, [145.0, 149.0, 151.0, 155.0], atol=0.02)
 
 
-def test_the_shoe_does_no_work(moved):
-    x = moved.motion
+def test_the_shoe_does_no_work(motion_over_tower):
+    x = motion_over_tower.motion
     work = cumulative_trapezoid(sum(x.powers.values()), x.t, initial=0.0)
     np.testing.assert_allclose(x.energy - x.energy[0], work, atol=8e-3 * np.ptp(x.energy))
 
 
-def test_the_path_does_not_step_at_an_event(moved):
-    x = moved.motion
+def test_the_path_does_not_step_at_an_event(motion_over_tower):
+    x = motion_over_tower.motion
     jumps = np.flatnonzero(np.diff(x.t) == 0.0)
     car = x.cars[0]
     assert np.abs(np.diff(car.point, axis=0)[jumps]).max() < 0.01
     assert np.abs(np.diff(car.velocity, axis=0)[jumps]).max() < 0.03
 
 
-def test_the_tower_carries_rope_and_car(moved):
+def test_the_tower_carries_rope_and_car(motion_over_tower):
     """Off the rope all of the car, less what its path turns it down."""
-    x = moved.motion
+    x = motion_over_tower.motion
     car = x.cars[0]
     off = np.abs(car.point[:, 0] - 150.0) < 0.99
     np.testing.assert_allclose(car.shoe_force[off], car.contact_force[off])
@@ -71,7 +71,7 @@ def test_the_tower_carries_rope_and_car(moved):
 
 def test_a_car_passes_leftwards_as_rightwards():
     mirrored = HAULED.replace({"car.car.travel.from": 170.0, "car.car.travel.to": 130.0})
-    there, back = (of.run(1, 1) for of in (runs(ELEMENTS, "hauled"), LineRuns(ELEMENTS, mirrored)))
+    there, back = (of.run(1, 1) for of in (line_runs(ELEMENTS, "hauled"), LineRuns(ELEMENTS, mirrored)))
     assert [name for name, _ in back.events] == [f"car {does} tower" for does in EVENTS]
     one, other = there.motion.cars[0], back.motion.cars[0]
     np.testing.assert_allclose(one.point[:, 0], 300.0 - other.point[:, 0], atol=1e-6)
@@ -91,16 +91,16 @@ def test_a_shoe_that_would_have_to_pull_a_car_down_is_said_first():
 
 @pytest.fixture(scope="module")
 def ladder():
-    return runs(SINES, "hauled").ladder(2, 2)
+    return line_runs(SINES, "hauled").ladder(2, 2)
 
 
-def broken(line, ladder):
+def broken_laws(line, ladder):
     """Names of the laws that the runs do not keep."""
     rows = law_rows(line.to_toml(), [ladder], ladder.finest.end)
     return {row.law.rpartition(",")[0] for row in rows if row.verdict.value == "disagree"}
 
 
-def unturned(motion):
+def without_turning_force(motion):
     """The car's path is bent, and the force that bends it is missing on the shoe."""
     car, tower = motion.cars[0], motion.contacts[1]
     tau = car.velocity / np.maximum(np.hypot(*car.velocity.T), 1e-3)[:, None]
@@ -112,15 +112,15 @@ def unturned(motion):
 
 
 def test_a_car_that_bends_its_path_without_force_is_seen(ladder):
-    assert not broken(HAULED, ladder)
-    wrong = ladder.map(lambda run: dataclasses.replace(run, motion=unturned(run.motion)))
-    assert broken(HAULED, wrong) == {"momentum of rope and cars"}
+    assert not broken_laws(HAULED, ladder)
+    wrong = ladder.map(lambda run: dataclasses.replace(run, motion=without_turning_force(run.motion)))
+    assert broken_laws(HAULED, wrong) == {"momentum of rope and cars"}
 
 
 @pytest.mark.slow
 def test_a_shoe_a_tenth_longer_in_one_solver_is_seen(ladder):
     line = HAULED.replace({"contact.tower.shoe": 5.5})
-    fault = LineRuns(SINES, line, runs(SINES, "hauled")).ladder(2, 2)
+    fault = LineRuns(SINES, line, line_runs(SINES, "hauled")).ladder(2, 2)
     rows = compare_and_check_laws(HAULED, ladder, fault, LineTolerance(1e-3, 1e-2))
     assert worst_deciding_verdict(rows).value == "disagree"
 

@@ -15,9 +15,9 @@ from cablefem.scene.contacts import Car
 from cablefem.scene.drive import Drive
 from cablefem.scene.line import Line
 from cablefem.scene.short import load_line_or_none
-from tests.commands.test_files import unknown
+from tests.commands.test_files import undocumented_keys
 from tests.motion.lines import BODIES
-from tests.motion.test_bodies import tram
+from tests.motion.test_bodies import tram_line
 from tests.motion.test_scene import SPAN
 from validation.commands.advise import bodies, page
 from validation.commands.run.motion import ELEMENTS, LineRuns, motion_answers
@@ -45,7 +45,7 @@ def test_loads_of_wheels_on_a_taut_level_string(brakes, rear, front):
 
 @pytest.mark.parametrize(("front", "exact"), [(100.0, [20957.54, 54020.46]), (402.0, [16213.34, 55940.54])])
 def test_loads_by_hand_of_a_trolley_at_rest_are_two_percent_of_its_weight_off_and_say_so(front, exact):
-    whole = tram(front - 2.0)
+    whole = tram_line(front - 2.0)
     wheels = whole.cars[0].wheels
     point = dataclasses.replace(whole.cars[0], wheels=None)
     system = LineElements(dataclasses.replace(whole, contacts=(whole.contacts[0], point, whole.contacts[2])))
@@ -175,7 +175,7 @@ def advice(folder, *changes):
         text = text.replace(old, new)
     (folder / "span.toml").write_text(text)
     found = bodies.advise_on_bodies(load_line_or_none(folder / "span.toml"), 1e-2, folder)
-    assert not unknown(folder / "advice.json")
+    assert not undocumented_keys(folder / "advice.json")
     return {row["need"]: row for row in found["bodies"]}, *found["periods"], page.sections(folder)[0].summary
 
 

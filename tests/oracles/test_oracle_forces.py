@@ -5,18 +5,18 @@ import pytest
 
 from validation.oracles import accelerating_force, moving_force
 
-from .wave_identity import corners, wave_defect
+from .wave_identity import random_parallelograms, wave_defect
 
 # All forces here give v of order 1 and everything is a closed form: 1e-12 is rounding with a margin for 1/|1 - V^2|.
 ROUNDING = 1e-12
 
 
-def on_string(V):
-    return corners(np.random.default_rng(3), 60, x=(0.0, 1.0), t=(0.0, 1.6 / V), size=0.7, clip=True)
+def parallelograms_on_string(V):
+    return random_parallelograms(np.random.default_rng(3), 60, x=(0.0, 1.0), t=(0.0, 1.6 / V), size=0.7, clip=True)
 
 
-def on_line(seed, span=3.0):
-    return corners(np.random.default_rng(seed), 60, x=(-span, span), t=(0.0, span), size=1.3, clip=False)
+def parallelograms_on_line(seed, span=3.0):
+    return random_parallelograms(np.random.default_rng(seed), 60, x=(-span, span), t=(0.0, span), size=1.3, clip=False)
 
 
 @pytest.mark.parametrize("V", [0.27, 0.83, 1.7])
@@ -26,7 +26,7 @@ def test_fryba_solves_the_wave_equation_between_fixed_ends_from_rest(V):
     def v(x, t):
         return moving_force.displacement(x, t, P=P, V=V)
 
-    defect = wave_defect(v, lambda s: P * s, lambda s: V * s, on_string(V), 1.0 / V)
+    defect = wave_defect(v, lambda s: P * s, lambda s: V * s, parallelograms_on_string(V), 1.0 / V)
     assert np.abs(defect).max() < ROUNDING
     t = np.linspace(0.0, 2.7 / V, 200)
     assert np.abs(v(0.0, t)).max() < ROUNDING
@@ -48,7 +48,7 @@ def test_a_spoiled_moving_force_is_noticed(spoil):
         return moving_force.displacement(x, t, P=P * (1.01 if spoil == "strength" else 1.0), V=V)
 
     xi = (lambda s: 0.3 * s) if spoil == "speed" else (lambda s: V * s)
-    quads = corners(np.random.default_rng(3), 60, x=(0.0, 1.0), t=(0.0, 1.0), size=0.7, clip=True)
+    quads = random_parallelograms(np.random.default_rng(3), 60, x=(0.0, 1.0), t=(0.0, 1.0), size=0.7, clip=True)
     defect = np.abs(wave_defect(v, lambda s: P * s, xi, quads, 1.0 / V)).max()
     rest = np.abs(v(np.linspace(0.5, 1.0, 20), 0.3)).max()
     assert max(defect, rest) > 1e-3
@@ -65,8 +65,10 @@ def test_flaherty_solves_the_wave_equation_through_the_wave_speed(V0, a):
         return s * (V0 + 0.5 * a * s)
 
     turns = () if a == 0.0 else ((1.0 - V0) / a, (-1.0 - V0) / a)
-    assert np.abs(wave_defect(v, lambda s: P * s, xi, on_line(11), 6.0, turns)).max() < 1e-11  # square roots at fronts
-    assert np.abs(wave_defect(v, lambda s: -P * s, xi, on_line(11), 6.0, turns)).max() > 0.1
+    assert (
+        np.abs(wave_defect(v, lambda s: P * s, xi, parallelograms_on_line(11), 6.0, turns)).max() < 1e-11
+    )  # square roots at fronts
+    assert np.abs(wave_defect(v, lambda s: -P * s, xi, parallelograms_on_line(11), 6.0, turns)).max() > 0.1
     x = np.linspace(-6.0, 6.0, 200)
     for t in (0.7, 2.1):
         s = np.linspace(0.0, t, 999)  # out of reach of every wave, whenever it was sent

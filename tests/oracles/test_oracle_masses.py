@@ -9,7 +9,7 @@ from scipy.integrate import cumulative_simpson
 from cablefem.scene import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Table
 from validation.oracles import accelerating_force, accelerating_mass, moving_mass
 
-from .wave_identity import corners, wave_defect
+from .wave_identity import random_parallelograms, wave_defect
 
 SIGMA = 0.1688832
 
@@ -25,7 +25,7 @@ TRAVELS = {
 }
 
 
-def displacement(motion, impulse, x, t, *, mirror=-1.0):
+def displacement_by_images(motion, impulse, x, t, *, mirror=-1.0):
     """v(x, t) between fixed ends by images; impulse(t) of a force that stays below the wave speed, 0 at t = 0."""
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
     total, images = np.zeros(x.shape), math.ceil(0.5 * t.max()) + 1
@@ -41,7 +41,7 @@ def displacement(motion, impulse, x, t, *, mirror=-1.0):
     return total
 
 
-def steady(V, **of):
+def history_at_constant_speed(V, **of):
     return moving_mass.solve_moving_mass(ConstantSpeed(speed=V).motion(1.0), **of)
 
 
@@ -50,7 +50,7 @@ def test_the_path_has_the_published_digits():
     V, at = math.sqrt(SIGMA), np.array([0.1, 0.3, 0.5, 0.7, 0.9])
     published = [0.004134619735, 0.026411465563, 0.054525087145, 0.078275585253, 0.064301851647]
     np.testing.assert_allclose(
-        steady(V, mu=1.0, sigma=SIGMA).mass_displacement(at / V), published, rtol=0.0, atol=1e-11
+        history_at_constant_speed(V, mu=1.0, sigma=SIGMA).mass_displacement(at / V), published, rtol=0.0, atol=1e-11
     )
 
 
@@ -70,7 +70,7 @@ def test_the_mass_obeys_newton_and_sits_on_the_string_that_its_force_bends(name)
 
     def off(**spoiled):
         force = spoiled.pop("force", 1.0)
-        v = displacement(motion, lambda s: force * impulse(s), motion.position(t), t, **spoiled)
+        v = displacement_by_images(motion, lambda s: force * impulse(s), motion.position(t), t, **spoiled)
         return np.abs(v - y).max() / size
 
     assert off() < 5e-9
@@ -110,7 +110,7 @@ def test_accelerating_mass_through_the_wave_speed(mu, a):
     def smooth(s):  # without the blow
         return impulse(s) - np.where(s > 1.0 / a, blow[1], 0.0)
 
-    quads = corners(np.random.default_rng(8), 80, x=(-2.0, 4.0), t=(0.0, 2.5 / a), size=1.0, clip=False)
+    quads = random_parallelograms(np.random.default_rng(8), 80, x=(-2.0, 4.0), t=(0.0, 2.5 / a), size=1.0, clip=False)
     assert np.abs(wave_defect(v, smooth, xi, quads, 8.0, (1.0 / a,), (blow,))).max() < 1e-11
     assert np.abs(wave_defect(v, smooth, xi, quads, 8.0, (1.0 / a,))).max() > 1e-3  # without the blow
     # the mass is on the string: y is continuous there, the kink has no height
@@ -135,11 +135,11 @@ def test_accelerating_mass_through_the_wave_speed(mu, a):
 
 def test_parameters_outside_the_validity_are_refused():
     through = ConstantAcceleration(acceleration=1.4).motion(1.0)
-    ride = steady(0.5, mu=1.2, sigma=0.2)
+    ride = history_at_constant_speed(0.5, mu=1.2, sigma=0.2)
     for call in (
         lambda: moving_mass.solve_moving_mass(through, mu=1.2, sigma=0.2),
-        lambda: steady(0.5, mu=-1.2, sigma=0.2),
-        lambda: steady(0.5, mu=1.2, sigma=float("nan")),
+        lambda: history_at_constant_speed(0.5, mu=-1.2, sigma=0.2),
+        lambda: history_at_constant_speed(0.5, mu=1.2, sigma=float("nan")),
         lambda: ride.mass_displacement(2.1),
         lambda: accelerating_mass.mass_displacement(-0.1, mu=1.0, sigma=0.2, a=0.4),
         lambda: accelerating_mass.mass_displacement(0.1, mu=0.0, sigma=0.2, a=0.4),

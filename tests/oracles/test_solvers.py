@@ -17,21 +17,21 @@ DEAR_OF_SINES = (
 )  # fmt: skip
 
 
-def dear(key):
+def is_expensive(key):
     plain = key.endswith(" fourier") and not key.startswith("moving-mass the paper")
     sines = key.endswith("fourier-kink") and key.startswith(DEAR_OF_SINES)
     return key.endswith("fixed-hermite") or key.startswith(DEAR) or plain or sines
 
 
 @cache
-def row(key):
+def computed_row(key):
     return TASKS[key].compute()
 
 
-@pytest.mark.parametrize("key", [pytest.param(key, marks=[pytest.mark.slow] * dear(key)) for key in TASKS])
+@pytest.mark.parametrize("key", [pytest.param(key, marks=[pytest.mark.slow] * is_expensive(key)) for key in TASKS])
 def test_a_solver_is_as_near_an_exact_answer_as_its_bar_and_its_order_say(key):
     """Rows that must fail stand beside them: a term left out, a method that is wrong."""
-    found = row(key)
+    found = computed_row(key)
     assert found["verdict"] == found["expected"], found
 
 
@@ -45,6 +45,6 @@ def test_a_solver_is_as_near_an_exact_answer_as_its_bar_and_its_order_say(key):
 )  # fmt: skip
 def test_a_moving_mass_has_the_orders_and_errors_of_the_formulations(method, low, high, error):
     """Errors alone: a bar that is wide would hold as well."""
-    found = row(f"moving-mass the paper's mass and speed, g (1 + V²) {method}")
+    found = computed_row(f"moving-mass the paper's mass and speed, g (1 + V²) {method}")
     assert low < found["observed_order"] < high
     assert found["error"] < error

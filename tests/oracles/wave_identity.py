@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 
-def corners(rng, n, *, x, t, size, clip):
+def random_parallelograms(rng, n, *, x, t, size, clip):
     """Random parallelograms (x0, t0, p, q): from the bottom corner p up to the right and q up to the left.
 
     clip : keep all corners inside the x range (a string with supports).

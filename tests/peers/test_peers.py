@@ -182,13 +182,13 @@ def test_a_failure_of_exudyn_is_told_with_its_place(monkeypatch):
 
 
 # --- the real codes --------------------------------------------------------------------------------------
-def reference(name: str) -> CubicSpline:
+def reference_path(name: str) -> CubicSpline:
     """(u, v) of the mass over s_o up to 0.82: ten elements of degree 2 a side, 4.5e-4 from the converged path."""
     r = run(Scene.load(name), "following-p2", elements=10, steps=500, until=0.82)
     return CubicSpline(r.s_o / r.length, np.stack([r.u, r.v], 1) / r.length)
 
 
-def path_error(path: PeerPath, exact: CubicSpline) -> float:
+def relative_path_error(path: PeerPath, exact: CubicSpline) -> float:
     """Largest gap of v for 0.02 <= s_o/l <= 0.8 over the largest deflection there; inf if the path ends before."""
     if path.reached < 0.8:
         return math.inf
@@ -211,16 +211,16 @@ if INSTALLED:
         settings, bounds = CASES[name]
         assert groups.motion is not None
         path = PEERS[name].run(groups, **settings)
-        exact = reference(scene)
+        exact = reference_path(scene)
         assert path.s_o[0] == path.t[0] == 0.0
         assert path.seconds > 0.0
         np.testing.assert_allclose(path.s_o, groups.motion.position(path.t), rtol=0, atol=1e-12)
-        assert path_error(path, exact) < bounds[scene]
+        assert relative_path_error(path, exact) < bounds[scene]
         # twins: another mass, and the path a hundredth of the cable late
         other = PEERS[name].run(replace(groups, mu=0.8), **settings)
-        assert path_error(other, exact) > bounds[scene]
+        assert relative_path_error(other, exact) > bounds[scene]
         late = replace(path, s_o=path.s_o + 0.01)
-        assert path_error(late, exact) > bounds[scene]
+        assert relative_path_error(late, exact) > bounds[scene]
 
 
 if "exudyn" in INSTALLED:

@@ -15,7 +15,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 @pytest.fixture(scope="session")
-def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def stored_check(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder as `check` leaves it."""
     from validation.commands.check.study import check
 
@@ -25,12 +25,12 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def report(stored: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def report_file(stored_check: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     from validation.commands.check import page as check
     from validation.page import page
 
     out = tmp_path_factory.mktemp("report") / "report.html"
-    page.write_page("level <scene>", check.sections(stored), out)
+    page.write_page("level <scene>", check.sections(stored_check), out)
     return out
 
 

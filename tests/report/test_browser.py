@@ -51,7 +51,7 @@ return seen.size;
 PICTURE = "return document.querySelector('.player canvas').toDataURL()"
 
 
-def keys(browser, *names: str) -> dict:
+def press_keys(browser, *names: str) -> dict:
     for name in names:
         browser.run(
             "document.querySelector('.player').dispatchEvent(new KeyboardEvent('keydown', "
@@ -61,7 +61,7 @@ def keys(browser, *names: str) -> dict:
     return browser.run(NOW)
 
 
-def waited(browser, met) -> dict:
+def wait_for_state(browser, met) -> dict:
     """Return the player's state once it meets a condition; give up after a while."""
     for _ in range(100):
         state = browser.run(NOW)
@@ -72,8 +72,8 @@ def waited(browser, met) -> dict:
 
 
 @pytest.mark.parametrize("width", [PHONE, DESKTOP])
-def test_it_opens_without_complaint_and_fits(browser, report, tmp_path, width):
-    browser.open(report, width)
+def test_it_opens_without_complaint_and_fits(browser, report_file, tmp_path, width):
+    browser.open(report_file, width)
     assert browser.complaints() == []
     assert browser.run("return performance.getEntriesByType('resource').length") == 0
     assert browser.run(OVERFLOW) <= 0
@@ -92,31 +92,31 @@ def test_what_does_not_fit_would_be_found(browser, tmp_path):
     assert browser.run(WORDS)[0] == ["here | too"]
 
 
-def test_an_error_in_a_script_would_be_found(browser, report, tmp_path):
+def test_an_error_in_a_script_would_be_found(browser, report_file, tmp_path):
     spoiled = tmp_path / "report.html"
-    spoiled.write_text(report.read_text(encoding="utf-8").replace('"cables":[', '"ropes":['), encoding="utf-8")
+    spoiled.write_text(report_file.read_text(encoding="utf-8").replace('"cables":[', '"ropes":['), encoding="utf-8")
     browser.open(spoiled, DESKTOP)
     assert len(browser.complaints()) == 1
 
 
-def test_nothing_can_be_fetched(browser, report):
-    browser.open(report, DESKTOP)
+def test_nothing_can_be_fetched(browser, report_file):
+    browser.open(report_file, DESKTOP)
     browser.run("const i = new Image(); i.src = 'http://localhost:9/x.png'; document.body.append(i)")
     time.sleep(0.2)
     assert any("Content Security Policy" in text for text in browser.complaints())
 
 
-def test_the_verdict_is_the_first_thing_to_read(browser, report):
-    browser.open(report, PHONE, 844)
+def test_the_verdict_is_the_first_thing_to_read(browser, report_file):
+    browser.open(report_file, PHONE, 844)
     browser.run("window.badge = document.querySelector('#answer .badge')")
     word, top = browser.run("return [badge.textContent, badge.getBoundingClientRect().top]")
     assert "agree" in word
     assert top < 844
 
 
-def test_no_figure_leaves_half_a_page_empty(browser, report):
+def test_no_figure_leaves_half_a_page_empty(browser, report_file):
     """Figures stand in two columns of about equal length; the energy stood alone beside nothing."""
-    browser.open(report, DESKTOP)
+    browser.open(report_file, DESKTOP)
     ends = browser.run(
         "return [...document.querySelectorAll('.columns')].map((c) => {"
         " const parts = [...c.children].map((e) => e.getBoundingClientRect());"
@@ -129,11 +129,11 @@ def test_no_figure_leaves_half_a_page_empty(browser, report):
 
 
 @pytest.mark.parametrize("width", [PHONE, DESKTOP])
-def test_the_player_shows_a_cable_and_its_tension(browser, report, width):
-    browser.open(report, width)
-    keys(browser, "Home")
+def test_the_player_shows_a_cable_and_its_tension(browser, report_file, width):
+    browser.open(report_file, width)
+    press_keys(browser, "Home")
     empty = browser.run(COLOURS, ".player .tension")
-    keys(browser, "End")
+    press_keys(browser, "End")
     for canvas in (".player .cable", ".player .tension"):
         assert browser.run(COLOURS, canvas) > 20
     assert empty > 20  # the cable at rest is there too
@@ -141,14 +141,16 @@ def test_the_player_shows_a_cable_and_its_tension(browser, report, width):
     assert browser.run(COLOURS, ".player .cable") == 1
 
 
-def test_it_plays_and_pauses(browser, report):
-    browser.open(report, DESKTOP)
+def test_it_plays_and_pauses(browser, report_file):
+    browser.open(report_file, DESKTOP)
     before, picture = browser.run(NOW), browser.run(PICTURE)
     browser.run("document.querySelector('.play').click()")
-    playing = waited(browser, lambda state: 0 < state["time"] < before["time"])  # from the entry on, not the middle
+    playing = wait_for_state(
+        browser, lambda state: 0 < state["time"] < before["time"]
+    )  # from the entry on, not the middle
     assert playing["play"] == "Pause"
     assert browser.run(PICTURE) != picture
-    keys(browser, " ")
+    press_keys(browser, " ")
     stopped = browser.run(NOW)
     time.sleep(0.2)
     assert browser.run(NOW) == stopped
@@ -156,21 +158,21 @@ def test_it_plays_and_pauses(browser, report):
     assert browser.complaints() == []
 
 
-def test_it_stops_at_the_end_and_starts_again(browser, report):
-    browser.open(report, DESKTOP)
+def test_it_stops_at_the_end_and_starts_again(browser, report_file):
+    browser.open(report_file, DESKTOP)
     browser.run("const s = document.querySelector('.player select'); s.value = s.options[3].value")  # the fastest
-    keys(browser, "End", "ArrowLeft", " ")
-    assert waited(browser, lambda state: state["play"] == "Play")["time"] == 1000
-    keys(browser, " ")
-    waited(browser, lambda state: 0 < state["time"] < 500)
+    press_keys(browser, "End", "ArrowLeft", " ")
+    assert wait_for_state(browser, lambda state: state["play"] == "Play")["time"] == 1000
+    press_keys(browser, " ")
+    wait_for_state(browser, lambda state: 0 < state["time"] < 500)
 
 
-def test_keys_and_slider_choose_the_time(browser, report):
-    browser.open(report, DESKTOP)
-    assert keys(browser, "Home")["time"] == 0
-    assert keys(browser, "ArrowRight", "ArrowRight")["time"] == 20
-    assert keys(browser, "ArrowLeft")["time"] == 10
-    assert keys(browser, "End")["time"] == 1000
+def test_keys_and_slider_choose_the_time(browser, report_file):
+    browser.open(report_file, DESKTOP)
+    assert press_keys(browser, "Home")["time"] == 0
+    assert press_keys(browser, "ArrowRight", "ArrowRight")["time"] == 20
+    assert press_keys(browser, "ArrowLeft")["time"] == 10
+    assert press_keys(browser, "End")["time"] == 1000
     browser.run("const s = document.querySelector('.time input'); s.value = 300; s.dispatchEvent(new Event('input'))")
     state = browser.run(NOW)
     assert state["time"] == 300
@@ -182,9 +184,9 @@ def test_keys_and_slider_choose_the_time(browser, report):
     assert unnamed == 0
 
 
-def test_the_numbers_shown_are_the_stored_ones(browser, report, stored):
-    r = Response.read(stored / "following-p2")
-    browser.open(report, DESKTOP)
+def test_the_numbers_shown_are_the_stored_ones(browser, report_file, stored_check):
+    r = Response.read(stored_check / "following-p2")
+    browser.open(report_file, DESKTOP)
     end = browser.run("const s = document.querySelector('.player select'); return 5 * Number(s.options[3].value)")
     browser.run("const s = document.querySelector('.time input'); s.value = 417; s.dispatchEvent(new Event('input'))")
     shown = browser.run(NOW)["cells"]
@@ -195,14 +197,14 @@ def test_the_numbers_shown_are_the_stored_ones(browser, report, stored):
     assert float(shown[4]) == pytest.approx(np.interp(t, r.t[1:], r.T_behind[1:]) / 1e3, rel=0.0, abs=1.0)
 
 
-def test_it_says_when_the_rope_is_slack(browser, report):
-    browser.open(report, DESKTOP)
-    assert "slack" not in keys(browser, "Home")["now"]
-    assert "slack" in keys(browser, "End")["now"]
+def test_it_says_when_the_rope_is_slack(browser, report_file):
+    browser.open(report_file, DESKTOP)
+    assert "slack" not in press_keys(browser, "Home")["now"]
+    assert "slack" in press_keys(browser, "End")["now"]
 
 
-def test_the_side_view_is_to_scale_and_can_be_drawn_deeper(browser, report):
-    browser.open(report, DESKTOP)
+def test_the_side_view_is_to_scale_and_can_be_drawn_deeper(browser, report_file):
+    browser.open(report_file, DESKTOP)
     told = "return document.querySelector('.scale output').textContent"
     assert browser.run(told) == "to scale"
     picture = browser.run(PICTURE)
@@ -211,18 +213,18 @@ def test_the_side_view_is_to_scale_and_can_be_drawn_deeper(browser, report):
     assert browser.run(PICTURE) != picture
 
 
-def test_whoever_wants_less_motion_gets_still_pictures(browser, report):
-    browser.open(report, DESKTOP)
+def test_whoever_wants_less_motion_gets_still_pictures(browser, report_file):
+    browser.open(report_file, DESKTOP)
     wish = {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]}
     browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", wish)
-    keys(browser, "Home", " ")
+    press_keys(browser, "Home", " ")
     times: set[int] = set()
-    waited(browser, lambda state: times.add(state["time"]) or len(times) >= 3)
+    wait_for_state(browser, lambda state: times.add(state["time"]) or len(times) >= 3)
     assert all(t % 50 == 0 for t in times)
 
 
-def test_paper_shows_what_the_screen_folds(browser, report: Path):
-    browser.open(report, DESKTOP)
+def test_paper_shows_what_the_screen_folds(browser, report_file: Path):
+    browser.open(report_file, DESKTOP)
     folded = "return document.querySelectorAll('details:not([open]):not(td details)').length"
     before = browser.run(folded)
     assert before >= 3

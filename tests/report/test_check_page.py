@@ -27,12 +27,12 @@ A, B = "following-p2", "fourier-kink"
 
 
 @pytest.fixture
-def folder(stored: Path, tmp_path: Path) -> Path:
+def check_copy(stored_check: Path, tmp_path: Path) -> Path:
     """A copy that a test may spoil."""
-    return Path(shutil.copytree(stored, tmp_path / "level"))
+    return Path(shutil.copytree(stored_check, tmp_path / "level"))
 
 
-def doctored(folder: Path, **changes) -> None:
+def change_agreement(folder: Path, **changes) -> None:
     """Change agreement.json; a function is given the old value."""
     file = folder / "agreement.json"
     content = json.loads(file.read_text())
@@ -40,12 +40,12 @@ def doctored(folder: Path, **changes) -> None:
     file.write_text(json.dumps(content))
 
 
-def section(folder: Path, name: str) -> page.Section:
+def section_with_id(folder: Path, name: str) -> page.Section:
     return next(s for s in check.sections(folder) if s.id == name)
 
 
-def test_a_whole_report(report):
-    text = report.read_text(encoding="utf-8")
+def test_a_whole_report(report_file):
+    text = report_file.read_text(encoding="utf-8")
     ids = re.findall(r'<section id="([^"]+)"', text)
     assert ids == ["answer", "side-view", "ride", "tension", "scene", "how-sure", "rests"]
     assert len(text.encode()) < 1.5e6
@@ -54,8 +54,8 @@ def test_a_whole_report(report):
     assert re.findall(r"(?i)\bnan\b|\binf(?:inity)?\b|undefined", re.sub(r'"[A-Za-z0-9+/=]{200,}"', "", text)) == []
 
 
-def test_the_outcome_comes_first(folder):
-    said = section(folder, "answer")
+def test_the_outcome_comes_first(check_copy):
+    said = section_with_id(check_copy, "answer")
     assert said.verdict == "agree"
     assert re.match(
         r"Crosses the cable in 14\.3 s; the cable goes slack when the mass is at 1\d{3}\.\d m", said.summary
@@ -66,38 +66,38 @@ def test_the_outcome_comes_first(folder):
     assert not re.search("[<>&]", said.summary)  # it is printed on terminals too
 
 
-def test_every_row_is_there_with_its_numbers(folder):
-    html = section(folder, "how-sure").html
-    rows = json.loads((folder / "agreement.json").read_text())["rows"]
+def test_every_row_is_there_with_its_numbers(check_copy):
+    html = section_with_id(check_copy, "how-sure").html
+    rows = json.loads((check_copy / "agreement.json").read_text())["rows"]
     for row in rows:
         if row["gap"] is not None:
             assert f"{page.number_html(100.0 * row['gap'])}\u202f%" in html
     assert f"All {len(rows)} comparisons" in html
 
 
-def test_a_disagreement_is_said_first(folder):
+def test_a_disagreement_is_said_first(check_copy):
     def spoil(rows):
         off = {"verdict": "disagree"}
         return [r | off | {"gap": 4.0 * r["allowed"]} if r["quantity"] == "reactions" else r for r in rows]
 
-    doctored(folder, rows=spoil, verdict="disagree")
-    assert section(folder, "answer").verdict == "disagree"
-    assert "disagree" in section(folder, "answer").summary
-    group = re.search(r"Forces at the car and the supports.*?</tr>", section(folder, "how-sure").html, re.S)
+    change_agreement(check_copy, rows=spoil, verdict="disagree")
+    assert section_with_id(check_copy, "answer").verdict == "disagree"
+    assert "disagree" in section_with_id(check_copy, "answer").summary
+    group = re.search(r"Forces at the car and the supports.*?</tr>", section_with_id(check_copy, "how-sure").html, re.S)
     assert "badge bad" in group[0]
     assert "reactions" in group[0]
 
 
-def test_a_third_party_has_its_rows_and_its_path(folder):
+def test_a_third_party_has_its_rows_and_its_path(check_copy):
     party = {"quantity": "path_max", "gap": 0.073, "allowed": 0.0052, "verdict": "disagree", "where": 0.31,
              "with": "other <code>", "notes": ["agrees if its times are shifted by 0.10 s"]}  # fmt: skip
-    doctored(folder, rows=lambda rows: [*rows, party], verdict="disagree")
+    change_agreement(check_copy, rows=lambda rows: [*rows, party], verdict="disagree")
     path = ForeignPath.of(Scene.load("level"), np.linspace(0.0, 1900.0, 40), np.linspace(0.0, 2.5, 40))
-    replace(path, speed=np.full(40, 140.0)).write(folder / "with.csv")
-    x = read_stored_check(folder)
+    replace(path, speed=np.full(40, 140.0)).write(check_copy / "with.csv")
+    x = read_stored_check(check_copy)
     assert (x.third_party.method, x.third_party.v.tolist()) == ("other <code>", path.v.tolist())
-    how_sure, ride = section(folder, "how-sure").html, section(folder, "ride").html
-    said = section(folder, "answer").summary
+    how_sure, ride = section_with_id(check_copy, "how-sure").html, section_with_id(check_copy, "ride").html
+    said = section_with_id(check_copy, "answer").summary
     assert "disagree." not in said, "our own solvers agree"
     assert said.endswith("as computed. other <code>: DISAGREES with both; agrees if its times are shifted by 0.10 s.")
     assert "path max: other &lt;code&gt;" in how_sure
@@ -105,13 +105,13 @@ def test_a_third_party_has_its_rows_and_its_path(folder):
     assert "distance to other &lt;code&gt;" in how_sure
     assert ride.count("other &lt;code&gt;") == 2, "in the key of both figures of the ride"
     assert ride.count(PURPLE) >= 2 + 2 + 3  # keys; depth and speed over place; and the place over time
-    assert '"name":"other \\u003ccode>"' in section(folder, "side-view").html
+    assert '"name":"other \\u003ccode>"' in section_with_id(check_copy, "side-view").html
 
 
-def test_no_solver_is_loaded(stored):
+def test_no_solver_is_loaded(stored_check):
     code = (
         "import sys; from pathlib import Path; from validation.commands.check import page as check\n"
-        f"check.sections(Path({str(stored)!r}))\n"
+        f"check.sections(Path({str(stored_check)!r}))\n"
         "solvers = 'skfem', 'galerkin', 'cablefem.elements', 'matplotlib.pyplot'\n"
         "bad = [m for m in sys.modules if m.startswith(solvers)]\n"
         "assert not bad, bad"
@@ -140,41 +140,44 @@ def test_a_number_has_the_digits_that_its_bar_leaves(value, bar, shown):
 # --- the side view's data -------------------------------------------------------------------------------------------
 
 
-def unpacked(part: dict) -> np.ndarray:
+def unpacked_array(part: dict) -> np.ndarray:
     steps = np.frombuffer(base64.b64decode(part["data"]), "<u2")
     return part["low"] + steps / 65535.0 * (part["high"] - part["low"])
 
 
-def data_of(stored: Path) -> tuple[dict, Response]:
+def side_view_data(stored: Path) -> tuple[dict, Response]:
     r = Response.read(stored / A)
     html = side_view_of_runs(Scene.load("level"), [r], range_T=(1.1e5, 3.3e5))
     return json.loads(re.search(r'<script type="application/json">(.*?)</script>', html)[1]), r
 
 
-def misfit(data: dict, r: Response) -> float:
+def largest_misfit_in_steps(data: dict, r: Response) -> float:
     """Largest error of v along the rope in steps of the 16-bit scale."""
     part = data["cables"][0]["v"]
-    v = unpacked(part).reshape(-1, len(data["s"]))[1:]  # the first frame is the rope at rest
+    v = unpacked_array(part).reshape(-1, len(data["s"]))[1:]  # the first frame is the rope at rest
     step = (part["high"] - part["low"]) / 65535.0
     return float(np.abs(v - r.fields.v[:, :: (r.fields.s.size - 1) // (len(data["s"]) - 1)]).max() / step)
 
 
-def test_the_side_view_carries_the_stored_answer(stored):
-    data, r = data_of(stored)
+def test_the_side_view_carries_the_stored_answer(stored_check):
+    data, r = side_view_data(stored_check)
     cable = data["cables"][0]
     assert len(data["s"]) == 101
-    assert misfit(data, r) < 0.51
-    assert misfit(data, replace(r, fields=replace(r.fields, v=r.fields.v + 1e-4 * np.ptp(r.fields.v)))) > 5.0
-    assert unpacked(cable["t"])[0] == 0.0
+    assert largest_misfit_in_steps(data, r) < 0.51
+    assert (
+        largest_misfit_in_steps(data, replace(r, fields=replace(r.fields, v=r.fields.v + 1e-4 * np.ptp(r.fields.v))))
+        > 5.0
+    )
+    assert unpacked_array(cable["t"])[0] == 0.0
     deflection = cable["touching"][0]["readout"][0]["data"]
-    np.testing.assert_allclose(unpacked(deflection)[1:], r.fields.mass_v, rtol=0.0, atol=1e-3)
+    np.testing.assert_allclose(unpacked_array(deflection)[1:], r.fields.mass_v, rtol=0.0, atol=1e-3)
     step = (cable["u"]["high"] - cable["u"]["low"]) / 65535.0
-    assert np.abs(unpacked(cable["u"])[: len(data["s"])]).max() < 0.51 * step  # at rest before the entry
+    assert np.abs(unpacked_array(cable["u"])[: len(data["s"])]).max() < 0.51 * step  # at rest before the entry
     assert cable["slack"] == r.slack_onset * r.length
 
 
-def test_a_name_cannot_end_the_script_of_the_side_view(stored):
-    r = replace(Response.read(stored / A), method="</script><b>")
+def test_a_name_cannot_end_the_script_of_the_side_view(stored_check):
+    r = replace(Response.read(stored_check / A), method="</script><b>")
     html = side_view_of_runs(Scene.load("level"), [r], range_T=(1.1e5, 3.3e5))
     assert html.count("</script>") == 1
     assert "<b>" not in html

@@ -44,7 +44,7 @@ class Reader(HTMLParser):
         self.words.append(data)
 
 
-def drawn(label: str = "a line", marker: str = "o"):
+def line_figure(label: str = "a line", marker: str = "o"):
     with report_style():
         fig, ax = figure_with_axes(height=2.3)
         ax.plot([0.0, 1.5, 2.5], [3.5, 7.0, 2.0], marker=marker, clip_on=True, label=label)
@@ -52,7 +52,7 @@ def drawn(label: str = "a line", marker: str = "o"):
     return fig
 
 
-def written(tmp_path: Path, *sections: Section, title: str = "A report") -> str:
+def page_text(tmp_path: Path, *sections: Section, title: str = "A report") -> str:
     write_page(title, sections, tmp_path / "report.html")
     return (tmp_path / "report.html").read_text(encoding="utf-8")
 
@@ -62,9 +62,9 @@ def test_text_is_escaped_everywhere(tmp_path):
         html_table([{EVIL: EVIL}], [EVIL], caption=EVIL)
         + page.callout(EVIL)
         + page.details(EVIL, page.callout(EVIL))
-        + captioned_figure(drawn(EVIL), EVIL, label=EVIL)
+        + captioned_figure(line_figure(EVIL), EVIL, label=EVIL)
     )
-    text = written(tmp_path, Section("one", EVIL, html, "agree", EVIL), Section("two", "Two", "", None), title=EVIL)
+    text = page_text(tmp_path, Section("one", EVIL, html, "agree", EVIL), Section("two", "Two", "", None), title=EVIL)
     read = Reader(text)
     assert read.scripts == 1  # the page's own
     assert "alert(7)" in "".join(read.words)
@@ -72,8 +72,10 @@ def test_text_is_escaped_everywhere(tmp_path):
 
 
 def test_ids_of_two_figures_do_not_clash_and_every_reference_has_a_target(tmp_path):
-    html = page.gallery(captioned_figure(drawn("first"), "First"), captioned_figure(drawn("second"), "Second"))
-    read = Reader(written(tmp_path, Section("one", "One", html), Section("two", "Two", "")))
+    html = page.gallery(
+        captioned_figure(line_figure("first"), "First"), captioned_figure(line_figure("second"), "Second")
+    )
+    read = Reader(page_text(tmp_path, Section("one", "One", html), Section("two", "Two", "")))
     assert len(read.ids) > 30
     assert len(set(read.ids)) == len(read.ids)
     assert set(read.targets) <= set(read.ids)
@@ -81,13 +83,17 @@ def test_ids_of_two_figures_do_not_clash_and_every_reference_has_a_target(tmp_pa
 
 
 def test_ids_as_matplotlib_writes_them_would_clash(tmp_path):
-    bare = re.sub(r'"f[0-9a-f]{8}-', '"', inline_svg(drawn("first"), "First") + inline_svg(drawn("second"), "Second"))
-    read = Reader(written(tmp_path, Section("one", "One", bare)))
+    bare = re.sub(
+        r'"f[0-9a-f]{8}-', '"', inline_svg(line_figure("first"), "First") + inline_svg(line_figure("second"), "Second")
+    )
+    read = Reader(page_text(tmp_path, Section("one", "One", bare)))
     assert len(set(read.ids)) < len(read.ids)
 
 
 def test_nothing_is_loaded_from_elsewhere(tmp_path):
-    text = written(tmp_path, Section("one", "One", captioned_figure(drawn(), "First"), scripts=("side_view.js",)))
+    text = page_text(
+        tmp_path, Section("one", "One", captioned_figure(line_figure(), "First"), scripts=("side_view.js",))
+    )
     assert Reader(text).loads == []
     assert "http" not in text.replace("http-equiv", "")
     assert "default-src 'none'" in text
@@ -95,13 +101,13 @@ def test_nothing_is_loaded_from_elsewhere(tmp_path):
 
 def test_a_load_from_elsewhere_would_be_found(tmp_path):
     html = '<img src="https://example.org/x.png"><style>@import "x.css"; a { background: url(y.png) }</style>'
-    assert len(Reader(written(tmp_path, Section("one", "One", html))).loads) == 3
+    assert len(Reader(page_text(tmp_path, Section("one", "One", html))).loads) == 3
 
 
 def test_disagreements_come_first(tmp_path):
     verdicts = ["agree", "not comparable", None, "disagree"]
     sections = [Section(f"s{i}", f"Part {i}", "", verdict, f"found {i}") for i, verdict in enumerate(verdicts)]
-    text = written(tmp_path, *sections)
+    text = page_text(tmp_path, *sections)
     contents = text[text.index("<nav") : text.index("</nav>")]
     assert re.findall(r'href="#(s\d)"', contents) == ["s3", "s1", "s0", "s2"]
     rows = html_table([{"verdict": v, "n": i} for i, v in enumerate(verdicts)], ["n", "verdict"], sort=True)
@@ -115,9 +121,9 @@ def test_a_verdict_has_a_word_and_a_sign_besides_its_colour():
 
 
 def test_an_unknown_verdict_is_refused_and_an_older_report_kept(tmp_path):
-    before = written(tmp_path, Section("one", "One", "", "agree"))
+    before = page_text(tmp_path, Section("one", "One", "", "agree"))
     with pytest.raises(ValueError, match="perhaps"):
-        written(tmp_path, Section("one", "One", "", "perhaps"))
+        page_text(tmp_path, Section("one", "One", "", "perhaps"))
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == before
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
 
@@ -155,7 +161,7 @@ def test_cells_of_a_table():
 
 
 def test_figures_are_the_same_every_time_small_and_keep_their_text():
-    first, again = (inline_svg(drawn(), "A line") for _ in range(2))
+    first, again = (inline_svg(line_figure(), "A line") for _ in range(2))
     assert first == again
     assert "<text" in first
     assert 'aria-label="A line"' in first

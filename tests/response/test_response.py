@@ -19,66 +19,69 @@ from validation.core.running import Run, run
 
 
 @pytest.fixture(scope="module")
-def level() -> Response:
+def level_response() -> Response:
     return run(Scene.load("level"), "following-p2", elements=4, steps=120)
 
 
-def rows(path):
+def csv_rows(path):
     with path.open() as file:
         return list(csv.reader(file))
 
 
 @pytest.fixture(scope="module")
-def written(level, tmp_path_factory):
+def written_folder(level_response, tmp_path_factory):
     folder = tmp_path_factory.mktemp("written")
-    level.write(folder)
+    level_response.write(folder)
     return folder
 
 
-def test_path_csv_follows_the_contract(level, written):
-    names, *path = rows(written / "path.csv")
+def test_path_csv_follows_the_contract(level_response, written_folder):
+    names, *path = csv_rows(written_folder / "path.csv")
     assert names == ["t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed", "F_haul", "F_contact"]
-    assert len(path) == level.t.size
-    assert [float(x) for x in path[6][:2]] == [level.t[6], level.s_o[6]]  # full precision
+    assert len(path) == level_response.t.size
+    assert [float(x) for x in path[6][:2]] == [level_response.t[6], level_response.s_o[6]]  # full precision
     first, later = (dict(zip(names, path[i], strict=True)) for i in (0, 8))
     assert (float(first["t"]), first["T_behind"]) == (0.0, "")  # nothing behind the mass on the left support
-    assert (float(later["speed"]), later["F_haul"]) == (np.hypot(*level.velocity[8]), "")  # a car that grips has none
+    assert (float(later["speed"]), later["F_haul"]) == (
+        np.hypot(*level_response.velocity[8]),
+        "",
+    )  # a car that grips has none
     assert min(float(first["T_ahead"]), float(later["F_contact"])) > 0.0
 
 
-def test_tension_csv_and_summary_json_follow_the_contract(level, written):
-    names, *tension = rows(written / "tension.csv")
-    f = level.fields
+def test_tension_csv_and_summary_json_follow_the_contract(level_response, written_folder):
+    names, *tension = csv_rows(written_folder / "tension.csv")
+    f = level_response.fields
     assert (names, len(tension)) == (["t", "s", "T"], f.t.size * (f.s.size + 2))
     assert f.s.size >= 201
     sides = [[float(x) for x in row[1:]] for row in tension[f.s.size : f.s.size + 2]]
     assert sides == [[f.s_o[0], f.T_behind[0]], [f.s_o[0], f.T_ahead[0]]]
-    assert json.loads((written / "summary.json").read_text()).keys() >= {
+    assert json.loads((written_folder / "summary.json").read_text()).keys() >= {
         "scene", "method", "settings", "model", "load", "law", "status", "reason", "reached", "slack_onset",
         "max_deflection", "path_error", "tension_error", "n_dof", "steps", "newton_iterations", "seconds",
     }  # fmt: skip
-    assert not any("nan" in p.read_text().lower() for p in written.glob("*.csv"))
+    assert not any("nan" in p.read_text().lower() for p in written_folder.glob("*.csv"))
 
 
-def same(a, b):
+def is_same(a, b):
     if isinstance(a, dict):
-        return a.keys() == b.keys() and all(same(a[name], b[name]) for name in a)
+        return a.keys() == b.keys() and all(is_same(a[name], b[name]) for name in a)
     if isinstance(a, np.ndarray):
         return np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
     return a == b or tuple(a) == tuple(b)
 
 
-def test_what_is_written_reads_back(level, tmp_path):
-    level = dataclasses.replace(
-        level, powers={"haul": 2.5 * level.power}, events=[{"event": "turn", "t": 1.5}], cause="slack",
-        flags=[Flag("energy", "gains {gain:.2f}", {"gain": 0.4})],
+def test_what_is_written_reads_back(level_response, tmp_path):
+    level_response = dataclasses.replace(
+        level_response, powers={"haul": 2.5 * level_response.power}, events=[{"event": "turn", "t": 1.5}],
+        cause="slack", flags=[Flag("energy", "gains {gain:.2f}", {"gain": 0.4})],
     )  # fmt: skip
-    level.write(tmp_path)
+    level_response.write(tmp_path)
     assert json.loads((tmp_path / "summary.json").read_text())["flags"] == ["gains 0.40"]
     again = Response.read(tmp_path)
-    assert same(level.fields.T, again.fields.T)
+    assert is_same(level_response.fields.T, again.fields.T)
     names = {field.name for field in dataclasses.fields(Response)} - {"fields"}
-    assert [name for name in names if not same(getattr(level, name), getattr(again, name))] == []
+    assert [name for name in names if not is_same(getattr(level_response, name), getattr(again, name))] == []
 
 
 def test_a_run_gives_its_path_and_all_else_when_it_is_looked_at():
@@ -97,7 +100,7 @@ def test_a_run_gives_its_path_and_all_else_when_it_is_looked_at():
     assert changed.fields is late.fields
     again = pickle.loads(pickle.dumps(alone))
     names = {field.name for field in dataclasses.fields(Response)} - {"fields"}
-    assert [name for name in names if not same(getattr(alone, name), getattr(again, name))] == []
+    assert [name for name in names if not is_same(getattr(alone, name), getattr(again, name))] == []
 
 
 def test_states_are_dropped_when_the_response_has_used_them_or_goes():
@@ -128,14 +131,24 @@ def test_bars_are_computed_when_they_are_looked_at():
     assert r.design == design_numbers(finest)
 
 
-def test_the_mass_is_where_the_displaced_cable_is(level):
+def test_the_mass_is_where_the_displaced_cable_is(level_response):
     scene = Scene.load("level")
-    np.testing.assert_allclose(level.x, scene.catenary.x(level.s_o) + level.u, rtol=0, atol=1e-9 * level.length)
-    np.testing.assert_allclose(level.y, scene.catenary.y(level.s_o) + level.v, rtol=0, atol=1e-9 * level.length)
-    speed = np.gradient(level.x, level.t, edge_order=2)
+    np.testing.assert_allclose(
+        level_response.x,
+        scene.catenary.x(level_response.s_o) + level_response.u,
+        rtol=0,
+        atol=1e-9 * level_response.length,
+    )
+    np.testing.assert_allclose(
+        level_response.y,
+        scene.catenary.y(level_response.s_o) + level_response.v,
+        rtol=0,
+        atol=1e-9 * level_response.length,
+    )
+    speed = np.gradient(level_response.x, level_response.t, edge_order=2)
     inner = slice(5, 80)
     # differences of second order over 120 steps
-    np.testing.assert_allclose(speed[inner], level.velocity[inner, 0], rtol=1e-2)
+    np.testing.assert_allclose(speed[inner], level_response.velocity[inner, 0], rtol=1e-2)
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path):
@@ -161,41 +174,45 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
     assert (tmp_path / "b.csv").read_text() == "p,q\n1.5,\n"
 
 
-def test_xarray_carries_units_and_the_same_numbers(level):
-    data = level.to_xarray()
+def test_xarray_carries_units_and_the_same_numbers(level_response):
+    data = level_response.to_xarray()
     assert data.v.attrs["units"] == "m"
     assert data.field_T.dims == ("frame", "s")
-    np.testing.assert_array_equal(data.field_T.values, level.fields.T)
-    assert float(data.v.max()) == level.max_deflection
+    np.testing.assert_array_equal(data.field_T.values, level_response.fields.T)
+    assert float(data.v.max()) == level_response.max_deflection
 
 
-def test_the_picture_is_an_svg_without_nan(level):
-    picture = level._repr_html_()
+def test_the_picture_is_an_svg_without_nan(level_response):
+    picture = level_response._repr_html_()
     assert "<svg" in picture
     assert "nan" not in picture
 
 
-def test_any_instant_and_place(level):
+def test_any_instant_and_place(level_response):
     """At the mass it is the mass path, at a frame and a station the field; between them it is continuous."""
-    f, k = level.fields, 40
-    at_mass = level.at(t=level.t[60], s=level.s_o[60])
-    np.testing.assert_allclose([at_mass["u"].item(), at_mass["v"].item()], [level.u[60], level.v[60]], rtol=1e-9)
-    assert at_mass["T"].item() == pytest.approx(level.T_behind[60], rel=1e-9)
-    far = np.abs(f.s - f.s_o[k]) > 0.02 * level.length
-    seen = level.at(t=f.t[k], s=f.s[far])
+    f, k = level_response.fields, 40
+    at_mass = level_response.at(t=level_response.t[60], s=level_response.s_o[60])
+    np.testing.assert_allclose(
+        [at_mass["u"].item(), at_mass["v"].item()], [level_response.u[60], level_response.v[60]], rtol=1e-9
+    )
+    assert at_mass["T"].item() == pytest.approx(level_response.T_behind[60], rel=1e-9)
+    far = np.abs(f.s - f.s_o[k]) > 0.02 * level_response.length
+    seen = level_response.at(t=f.t[k], s=f.s[far])
     for name in ("u", "v", "T"):
         np.testing.assert_allclose(seen[name][0], getattr(f, name)[k][far], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(seen["y"][0], f.y[far] + f.v[k][far], rtol=1e-9, atol=1e-9)
     t = np.linspace(f.t[k], f.t[k + 1], 41)
     s = 1.02 * f.s_o[k + 1]
-    v = level.at(t=t, s=s)["v"][:, 0]
+    v = level_response.at(t=t, s=s)["v"][:, 0]
     assert np.abs(np.diff(v)).max() < 0.1 * np.ptp(v) + 1e-9
-    assert level.at(t=[1.0, 2.0, 3.0], s=[0.0, level.length])["x"].shape == (3, 2)
-    ahead = level.at(t=level.t[60], s=level.s_o[60] + 1e-6 * level.length)["T"].item()
-    assert ahead == pytest.approx(level.T_ahead[60], rel=1e-4)
-    for wrong in ({"t": -1.0, "s": 3.0}, {"t": 1.0, "s": 1.1 * level.length}, {"t": float("nan"), "s": 1.0}):
+    assert level_response.at(t=[1.0, 2.0, 3.0], s=[0.0, level_response.length])["x"].shape == (3, 2)
+    ahead = level_response.at(t=level_response.t[60], s=level_response.s_o[60] + 1e-6 * level_response.length)[
+        "T"
+    ].item()
+    assert ahead == pytest.approx(level_response.T_ahead[60], rel=1e-4)
+    for wrong in ({"t": -1.0, "s": 3.0}, {"t": 1.0, "s": 1.1 * level_response.length}, {"t": float("nan"), "s": 1.0}):
         with pytest.raises(ValueError, match="must be from"):
-            level.at(**wrong)
+            level_response.at(**wrong)
 
 
 def test_frames_are_dense_in_time_and_more_if_asked():
@@ -216,21 +233,21 @@ def test_frames_are_dense_in_time_and_more_if_asked():
         run(scene, "following-p2", frames=1.5)
 
 
-def test_plots_and_tables(level):
-    axes = level.plot()
+def test_plots_and_tables(level_response):
+    axes = level_response.plot()
     lines = {line.get_label(): line.get_xydata() for line in axes.lines}
-    np.testing.assert_allclose(lines["path of the car"], np.stack([level.x, level.y], axis=1))
+    np.testing.assert_allclose(lines["path of the car"], np.stack([level_response.x, level_response.y], axis=1))
     assert axes.get_xlabel() == "x [m]"
-    assert level.plot_tension().collections
-    frame = level.to_dataframe()
+    assert level_response.plot_tension().collections
+    frame = level_response.to_dataframe()
     assert frame.attrs["units"]["T_behind"] == "N"
-    np.testing.assert_array_equal(frame["v"], level.v)
-    assert len(repr(level).splitlines()) == 1
+    np.testing.assert_array_equal(frame["v"], level_response.v)
+    assert len(repr(level_response).splitlines()) == 1
 
 
-def test_contact_force_is_taken_normal_to_the_mean_tangent(level):
-    tangent = level.slope_behind + level.slope_ahead
-    along = dataclasses.replace(level, contact=tangent)
+def test_contact_force_is_taken_normal_to_the_mean_tangent(level_response):
+    tangent = level_response.slope_behind + level_response.slope_ahead
+    along = dataclasses.replace(level_response, contact=tangent)
     assert np.abs(along.F_contact).max() <= 1e-15 * np.abs(tangent).max() ** 2
-    down = dataclasses.replace(level, contact=np.broadcast_to([0.0, 3.0], tangent.shape))
+    down = dataclasses.replace(level_response, contact=np.broadcast_to([0.0, 3.0], tangent.shape))
     np.testing.assert_allclose(down.F_contact, 3.0 * tangent[:, 0] / np.hypot(*tangent.T), rtol=1e-14)

@@ -100,7 +100,7 @@ def test_length_sag_and_tension_lead_to_the_same_cable(cable):
     assert by_length.sag == pytest.approx(cable.sag, rel=tolerance)
 
 
-def exactly(span, drop, weight, tension):
+def catenary_in_50_digits(span, drop, weight, tension):
     """(l - chord, c, sag) of a catenary in 50 digits, straight from y = a cosh."""
     with mpmath.workdps(50):
         b, h, a = mpmath.mpf(span), mpmath.mpf(drop), mpmath.mpf(tension) / mpmath.mpf(weight)
@@ -117,7 +117,7 @@ def exactly(span, drop, weight, tension):
 def test_every_digit_of_a_taut_and_of_a_deep_cable(slope, z):
     span, weight = 1234.5, 6.7
     cable = Catenary(span, span * math.tan(math.radians(slope)), weight, weight * span / (2.0 * z))
-    slack, c, sag = exactly(cable.span, cable.drop, cable.weight, cable.horizontal_tension)
+    slack, c, sag = catenary_in_50_digits(cable.span, cable.drop, cable.weight, cable.horizontal_tension)
     # of a taut cable length - chord would keep few digits
     assert cable.excess_over_chord == pytest.approx(slack, rel=1e-14)
     # c is a difference on a steeply rising cable: sinh(theta_m + z) with theta_m = -3 at 84 degrees

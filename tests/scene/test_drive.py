@@ -8,7 +8,7 @@ import pytest
 from cablefem import Scene, SceneError
 from cablefem.scene import Drive
 from cablefem.scene.drive import RollingCarState
-from tests.scene.test_faults import GOOD, NUMBER, TRAVEL, faults
+from tests.scene.test_faults import GOOD, NUMBER, TRAVEL, scene_faults
 
 FREE = GOOD.replace(f"[travel]\n{TRAVEL}", '[drive]\nmode = "free"')
 HAUL = GOOD + '[drive]\nmode = "haul"\n'
@@ -65,7 +65,7 @@ PLACES = "must be from 0.033 to 326.7 m, between the left support and the end of
     ],
 )  # fmt: skip
 def test_a_fault_of_a_drive_is_one_line(text, expected):
-    assert faults(text) == expected
+    assert scene_faults(text) == expected
 
 
 FULL = (

@@ -42,7 +42,7 @@ CHORD = "320.97507691408066"
 LENGTHS = "must be from 320.97507691440165 to 4749.07 with these supports"
 
 
-def faults(text):
+def scene_faults(text):
     with pytest.raises(SceneError) as raised:
         Scene.from_toml(text)
     assert str(raised.value) == "\n".join(raised.value.faults)
@@ -167,7 +167,7 @@ def test_the_good_scene_is_good():
 )  # fmt: skip
 def test_a_fault_is_one_line_with_field_value_and_range(old, new, expected):
     assert GOOD.count(old) == 1
-    assert faults(GOOD.replace(old, new)) == expected
+    assert scene_faults(GOOD.replace(old, new)) == expected
 
 
 def test_all_faults_come_at_once_from_every_table():
@@ -180,7 +180,7 @@ def test_all_faults_come_at_once_from_every_table():
         ("speed = 14.0", "sped = 14.0"),
     ):
         text = text.replace(old, new)
-    assert [line.split(":")[0] for line in faults(text)] == [
+    assert [line.split(":")[0] for line in scene_faults(text)] == [
         "gravity = -3.7", "cable.EA = 0", "supports.span = 'far'", "mass.mass = nan", "travel.speed",
         "travel.sped = 14.0", "titel = 'x'",
     ]  # fmt: skip
@@ -188,11 +188,11 @@ def test_all_faults_come_at_once_from_every_table():
 
 def test_faults_between_sound_parts_are_said_beside_those_of_other_parts():
     text = GOOD.replace("length = 330.0", "length = 300.0").replace("mass = 75.0", "mass = -1.0")
-    assert [line.split(":")[0] for line in faults(text)] == ["mass.mass = -1.0", "cable.length = 300.0"]
+    assert [line.split(":")[0] for line in scene_faults(text)] == ["mass.mass = -1.0", "cable.length = 300.0"]
     text = GOOD.replace("EA = 4e6", "EA = 500").replace(
         TRAVEL, 'kind = "table"\ntimes = [0, 1, 2]\npositions = [0, 1, 400]'
     )
-    assert [line.split(":")[0] for line in faults(text)] == ["cable.EA = 500.0", "travel.positions[2] = 400.0"]
+    assert [line.split(":")[0] for line in scene_faults(text)] == ["cable.EA = 500.0", "travel.positions[2] = 400.0"]
 
 
 @pytest.mark.parametrize(
@@ -208,13 +208,13 @@ def test_faults_between_sound_parts_are_said_beside_those_of_other_parts():
     ],
 )
 def test_broken_toml_is_located(text, where):
-    (line,) = faults(text)
+    (line,) = scene_faults(text)
     assert line.startswith("not valid TOML: ")
     assert where in line
 
 
 def test_keys_in_the_place_of_tables_are_named():
-    assert faults("cable = 5\ntravel = 6\nmass = 2.5") == [
+    assert scene_faults("cable = 5\ntravel = 6\nmass = 2.5") == [
         "cable = 5: must be a table [cable]",
         "supports: missing; must be a table [supports]",
         "mass = 2.5: must be a table [mass]",
@@ -223,7 +223,7 @@ def test_keys_in_the_place_of_tables_are_named():
 
 
 def test_an_integer_of_four_hundred_digits_is_shown_shortened():
-    (line,) = faults(GOOD.replace("gravity = 3.7", "gravity = " + "1" * 400))
+    (line,) = scene_faults(GOOD.replace("gravity = 3.7", "gravity = " + "1" * 400))
     assert len(line) < 130
     assert line.startswith("gravity = 1111")
 

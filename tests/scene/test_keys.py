@@ -8,7 +8,7 @@ from cablefem import Scene, SceneError
 from cablefem.scene import ConstantSpeed
 from cablefem.scene.keys import json_schema, list_keys
 from cablefem.scene.line import Line
-from tests.scene.test_faults import GOOD, TRAVEL, faults
+from tests.scene.test_faults import GOOD, TRAVEL, scene_faults
 from tests.scene.test_timetables import OBSTACLES
 
 FREE = GOOD.replace(f"[travel]\n{TRAVEL}", '[drive]\nmode = "free"\n')
@@ -67,13 +67,13 @@ def test_a_printed_key_is_taken_by_replace():
         scene.replace({"drive.brake.force": 400.0})
 
 
-def broken(value, rule, where="", known=None):
+def schema_violations(value, rule, where="", known=None):
     """Return where a value breaks a JSON schema, as far as this project's schemas go."""
     known = known or rule["$defs"]
     if "$ref" in rule:
-        return broken(value, known[rule["$ref"].split("/")[-1]], where, known)
+        return schema_violations(value, known[rule["$ref"].split("/")[-1]], where, known)
     if options := rule.get("anyOf") or rule.get("oneOf"):
-        told = [broken(value, option, where, known) for option in options]
+        told = [schema_violations(value, option, where, known) for option in options]
         return [] if [] in told else told[0]
     kinds = {"object": dict, "array": list, "string": str, "number": int | float, "boolean": bool}
     asked = rule.get("type", ())
@@ -84,16 +84,22 @@ def broken(value, rule, where="", known=None):
     if isinstance(value, dict):
         own = rule["properties"]
         missing = [f"{where}.{key}" for key in rule.get("required", ()) if key not in value]
-        inner = [x for key in value.keys() & own for x in broken(value[key], own[key], f"{where}.{key}", known)]
+        inner = [
+            x for key in value.keys() & own for x in schema_violations(value[key], own[key], f"{where}.{key}", known)
+        ]
         return [*missing, *inner, *(f"{where}.{key}" for key in value.keys() - own)]
     if isinstance(value, list):
-        return [x for i, item in enumerate(value) for x in broken(item, rule.get("items", {}), f"{where}[{i}]", known)]
+        return [
+            x
+            for i, item in enumerate(value)
+            for x in schema_violations(item, rule.get("items", {}), f"{where}[{i}]", known)
+        ]
     return [where] if "minimum" in rule and not value >= rule["minimum"] else []
 
 
 @pytest.mark.parametrize("name", Scene.library())
 def test_built_in_scenes_keep_the_schema(name):
-    assert broken(tomllib.loads(Scene.library_text(name)), json_schema(Scene)) == []
+    assert schema_violations(tomllib.loads(Scene.library_text(name)), json_schema(Scene)) == []
 
 
 @pytest.mark.parametrize(
@@ -106,7 +112,7 @@ def test_built_in_scenes_keep_the_schema(name):
 )
 def test_the_schema_sees_what_the_scene_refuses(old, new, where):
     text = GOOD.replace(old, new)
-    assert where in broken(tomllib.loads(text), json_schema(Scene))
+    assert where in schema_violations(tomllib.loads(text), json_schema(Scene))
     with pytest.raises(SceneError):
         Scene.from_toml(text)
 
@@ -122,7 +128,7 @@ def test_the_schema_sees_what_the_scene_refuses(old, new, where):
     ],
 )
 def test_what_is_not_modelled_is_said(old, new, expected):
-    (line,) = faults(GOOD.replace(old, new, 1) if "mass" not in old else GOOD.replace("mass = 75.0", new))
+    (line,) = scene_faults(GOOD.replace(old, new, 1) if "mass" not in old else GOOD.replace("mass = 75.0", new))
     assert line.startswith(expected)
 
 

@@ -14,7 +14,7 @@ from cablefem.scene import Drive, Groups, LoadPath
 from cablefem.scene.catenary import tension_and_shape_derivatives
 from cablefem.scene.ride import roll_ride
 from cablefem.scene.statics import gripped_rest, hauled_rest
-from tests.scene.test_scene import choices
+from tests.scene.test_scene import scene_numbers
 from validation.oracles.rest import ZIP as ROPE
 
 # The zip line of the shared reference figures: 300 m, 95 kg, drag throughout.
@@ -51,7 +51,7 @@ def test_who_reaches_a_brake_slowly_is_stopped_by_it(tension):
     assert 0.0 <= ride.events[1].s_o - ride.events[0].s_o < 1e-5
 
 
-@given(choices())
+@given(scene_numbers())
 @settings(deadline=None, max_examples=15)
 def test_the_cable_at_rest_ends_at_its_supports_and_carries_the_car(choice):
     """Put into its own equation: dr/ds = lam n/N from the left support with the tension that was found."""

@@ -17,7 +17,7 @@ TRAVELS = ("constant_speed", "constant_acceleration", "accelerate_cruise_brake")
 
 
 @st.composite
-def choices(draw):
+def scene_numbers(draw):
     """The random scenes of the project: sag/span 0.005-0.2, slope 0-45 deg, mu 0.05-5, alpha 50-1e4, V/c 0.1-0.8."""
     return {
         "sag_ratio": draw(st.floats(0.005, 0.2)),
@@ -92,7 +92,7 @@ def test_the_library_lists_every_file_and_only_these():
         Scene.library_text("zip-line")
 
 
-@given(choices())
+@given(scene_numbers())
 @settings(deadline=None, max_examples=60)
 def test_from_groups_gives_the_groups_asked_for(choice):
     scene = Scene.from_groups(**choice)

@@ -8,7 +8,7 @@ import pytest
 
 from cablefem import Scene
 from cablefem.scene import Trapezoid
-from tests.scene.test_faults import GOOD, TRAVEL, faults
+from tests.scene.test_faults import GOOD, TRAVEL, scene_faults
 from validation.core import timetable
 
 TRAPEZOID = 'kind = "trapezoid"\ntop_speed = 8.0\nacceleration = 0.5\ndeceleration = 0.4\n'
@@ -31,19 +31,19 @@ LAWS = {
 CASES = [(n, d) for n in LAWS for d in ("", HAUL) if d or "jerk" not in LAWS[n] or "from" in LAWS[n]]
 
 
-def scene(law, drive=""):
+def scene_with_travel(law, drive=""):
     return Scene.from_toml(GOOD.replace(TRAVEL, law) + drive)
 
 
-def motion(law, drive=""):
-    made = scene(law, drive)
+def motion_in_si_and_scene(law, drive=""):
+    made = scene_with_travel(law, drive)
     return made.groups.motion.in_units(1.0 / made.length, 1.0 / made.time_scale), made
 
 
 @pytest.mark.parametrize(("name", "drive"), CASES)
 def test_the_judge_s_timetable_is_the_solvers_travel(name, drive):
     """Two programs read the same keys; another key's value is seen."""
-    m, made = motion(LAWS[name], drive)
+    m, made = motion_in_si_and_scene(LAWS[name], drive)
     t = np.linspace(0.0, m.phases[-1][1] * (1.0 - 1e-9), 301)
     x = tomllib.loads(made.to_toml())
     said = timetable.positions_at(x["travel"], x.get("drive", {}), made.length, t)
@@ -56,7 +56,7 @@ def test_the_judge_s_timetable_is_the_solvers_travel(name, drive):
 
 
 def test_a_trapezoid_takes_the_times_of_the_textbook():
-    m, made = motion(TRAPEZOID)
+    m, made = motion_in_si_and_scene(TRAPEZOID)
     (_, t1), (_, t2), (_, t3) = m.phases
     np.testing.assert_allclose([t1, t3 - t2], [16.0, 20.0], rtol=1e-12)
     assert t3 == pytest.approx(18.0 + made.length / 8.0, rel=1e-12)
@@ -65,13 +65,13 @@ def test_a_trapezoid_takes_the_times_of_the_textbook():
 
 
 def test_a_way_too_short_for_the_top_speed_is_run_with_what_it_allows():
-    m, _ = motion(LAWS["too short for the top speed"])
+    m, _ = motion_in_si_and_scene(LAWS["too short for the top speed"])
     assert m.top_speed == pytest.approx(math.sqrt(2.0 * 50.0 / (1.0 / 0.5 + 1.0 / 0.4)), rel=1e-10)
     assert (m.start_position, m.end) == (pytest.approx(40.0), pytest.approx(90.0))
 
 
 def test_with_jerk_the_acceleration_is_continuous_and_bounded():
-    m, _ = motion(LAWS["jerk"], HAUL)
+    m, _ = motion_in_si_and_scene(LAWS["jerk"], HAUL)
     t = np.linspace(0.0, m.phases[-1][1], 20001)
     a = m.positions_with_rates(t, 0)[2]
     assert len(m.phases) == 1
@@ -83,10 +83,10 @@ def test_with_jerk_the_acceleration_is_continuous_and_bounded():
 
 
 def test_an_emergency_stop_ends_after_its_braking_way_and_is_rested():
-    m, made = motion(LAWS["stop of a constant speed"])
+    m, made = motion_in_si_and_scene(LAWS["stop of a constant speed"])
     assert m.end == pytest.approx(33.0 + 3.0 * 14.0 + 14.0**2 / 4.0, rel=1e-12)
     assert made.arrival_time == pytest.approx(3.0 + 7.0, rel=1e-12)
-    rested = scene(LAWS["stop of a constant speed"] + "\nrest = 8.0")
+    rested = scene_with_travel(LAWS["stop of a constant speed"] + "\nrest = 8.0")
     assert rested.arrival_time == pytest.approx(18.0, rel=1e-12)
     assert rested.groups.motion.standstills == [rested.groups.motion.phases[-1]]
     assert Scene.from_toml(rested.to_toml()) == rested
@@ -94,7 +94,7 @@ def test_an_emergency_stop_ends_after_its_braking_way_and_is_rested():
 
 def test_equal_positions_are_a_standstill():
     table = "kind = 'table'\ntimes = [0, 5, 10, 15, 20, 30, 40, 50]\npositions = [0, 20, 45, 75, 100, 100, 150, 200]"
-    m, _ = motion(table)
+    m, _ = motion_in_si_and_scene(table)
     (stands,) = m.standstills
     np.testing.assert_allclose(stands, [20.0, 30.0], rtol=1e-12)
     t = np.linspace(*stands, 11)
@@ -124,7 +124,7 @@ def test_equal_positions_are_a_standstill():
     ],
 )  # fmt: skip
 def test_what_no_car_can_do_is_said_in_one_line(law, expected):
-    (line,) = faults(GOOD.replace(TRAVEL, law))
+    (line,) = scene_faults(GOOD.replace(TRAVEL, law))
     assert line.startswith(expected)
 
 
@@ -164,18 +164,18 @@ def test_obstacles_and_ground_are_read_and_written(tmp_path):
     ],
 )
 def test_bad_ground_is_refused(text, expected):
-    (line,) = faults(text + GOOD)
+    (line,) = scene_faults(text + GOOD)
     assert line.startswith(expected)
 
 
 def test_bad_obstacles_are_refused():
     text = GOOD + OBSTACLES.replace("road", "tree").replace("at = 300.0", "at = 330")
-    assert faults(text) == [
+    assert scene_faults(text) == [
         "obstacle[1].name = 'tree': given twice; names must differ",
         "obstacle[1].at = 330.0: must be from 0 to 320 m, between the supports",
     ]
     taken = "obstacle[0].name = 'the ground': stands for `ground`; must be another name"
-    assert faults(GOOD + OBSTACLES.replace("tree", "the ground")) == [taken]
+    assert scene_faults(GOOD + OBSTACLES.replace("tree", "the ground")) == [taken]
 
 
 @pytest.mark.parametrize(
@@ -197,6 +197,6 @@ def test_a_mistyped_row_of_the_ground_is_refused_with_its_line(tmp_path, text, l
 
 def test_a_table_that_ends_slowly_ends_at_rest():
     """A curve through these rows alone would swing back before its end, with -1.5 m/s."""
-    m, _ = motion("kind = 'table'\ntimes = [0, 10, 20, 30, 34]\npositions = [0, 66, 132, 198, 202]")
+    m, _ = motion_in_si_and_scene("kind = 'table'\ntimes = [0, 10, 20, 30, 34]\npositions = [0, 66, 132, 198, 202]")
     assert m.position_with_rates(34.0, 0)[1] == pytest.approx(0.0, abs=1e-12)
     assert min(speed for _, speed in m.speeds_where_extreme) >= -1e-12

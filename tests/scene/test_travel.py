@@ -13,7 +13,7 @@ from cablefem.scene import AccelerateCruiseBrake, ConstantAcceleration, Constant
 LENGTH = 730.0  # m
 
 
-def table(law, t):
+def timetable_of_law(law, t):
     return Table(times=tuple(t), positions=tuple(law(t)))
 
 
@@ -24,8 +24,8 @@ LAWS = {
     "faster": ConstantAcceleration(acceleration=0.4, initial_speed=11.0),
     "slower": ConstantAcceleration(acceleration=-0.4, initial_speed=31.0),
     "law (40)": AccelerateCruiseBrake(top_speed=19.0),
-    "table": table(lambda t: 40.0 * t + 55.0 * (1.0 - np.cos(0.6 * t)), np.linspace(0.0, 14.0, 57)),
-    "table from rest": table(lambda t: 3.1 * t**2 / (1.0 + 0.05 * t), np.linspace(0.0, 14.0, 29)),
+    "table": timetable_of_law(lambda t: 40.0 * t + 55.0 * (1.0 - np.cos(0.6 * t)), np.linspace(0.0, 14.0, 57)),
+    "table from rest": timetable_of_law(lambda t: 3.1 * t**2 / (1.0 + 0.05 * t), np.linspace(0.0, 14.0, 29)),
 }
 
 
@@ -147,7 +147,7 @@ def test_at_continues_the_polynomial_of_its_phase_beyond_its_ends():
 
 def test_a_table_of_a_cubic_is_that_cubic():
     t = np.array([0.0, 1.3, 2.2, 4.1, 5.7, 8.0])
-    motion = table(lambda t: 17.0 * t + 2.3 * t**2 - 0.11 * t**3, t).motion(LENGTH)
+    motion = timetable_of_law(lambda t: 17.0 * t + 2.3 * t**2 - 0.11 * t**3, t).motion(LENGTH)
     for ti in np.linspace(0.0, 8.0, 31):
         exact = (17.0 * ti + 2.3 * ti**2 - 0.11 * ti**3, 17.0 + 4.6 * ti - 0.33 * ti**2, 4.6 - 0.66 * ti)
         np.testing.assert_allclose(motion.position_with_rates(ti, 0), exact, rtol=1e-11, atol=1e-11)
@@ -158,12 +158,12 @@ def test_a_table_of_a_cubic_is_that_cubic():
 @pytest.mark.parametrize("digits", [13, 3])
 def test_a_table_of_a_start_from_rest_starts_exactly_at_rest(digits):
     t = np.linspace(0.0, 20.0, 21)
-    motion = table(lambda t: np.round(0.9 * t**2, digits), t).motion(LENGTH)
+    motion = timetable_of_law(lambda t: np.round(0.9 * t**2, digits), t).motion(LENGTH)
     s, ds, dds = motion.position_with_rates(0.0, 0)
     assert (s, ds) == (0.0, 0.0)
     # rounding to 1e-3 m, over steps of 1 s, leaves the acceleration of the spline known to a few 1e-3 m/s^2
     assert dds == pytest.approx(1.8, abs=8e-3)
-    slow = table(lambda x: 0.2 * x + 0.9 * x**2, t).motion(LENGTH)
+    slow = timetable_of_law(lambda x: 0.2 * x + 0.9 * x**2, t).motion(LENGTH)
     assert slow.position_with_rates(0.0, 0)[1] == pytest.approx(0.2, rel=1e-9), "a slow but real entry"
 
 

@@ -8,7 +8,7 @@ from validation.core.running import run
 FINE = {"elements": 12, "steps": 800, "until": 0.42}
 
 
-def ladder(scene, change=lambda r: r, claims=None, **how):
+def run_ladder(scene, change=lambda r: r, claims=None, **how):
     """Run a scene, with halves and quarters of elements and steps, and let the answers claim to be of another."""
     how = how or FINE
 
@@ -23,5 +23,5 @@ def ladder(scene, change=lambda r: r, claims=None, **how):
     return Ladder(ran(), space, time)
 
 
-def alone(r):
+def ladder_without_coarser_runs(r):
     return Ladder(r, *(Branch((r,), (2.0,), 2.0) for _ in range(2)))

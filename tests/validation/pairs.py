@@ -13,7 +13,7 @@ SINES = {"terms": 40, "steps": 1000, **DAMPED}
 
 
 @cache
-def right() -> tuple[Ladder, Ladder]:
+def right_answers() -> tuple[Ladder, Ladder]:
     """Return runs of the level scene, past its slack onset, with coarser ones."""
     return run_with_error_bars(LEVEL, "following-p2", until=0.95, **ELEMENTS), run_with_error_bars(
         LEVEL, "fourier-kink", until=0.95, **SINES

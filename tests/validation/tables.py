@@ -59,7 +59,7 @@ class Path101:
 
     @classmethod
     def of(cls, ladder: Ladder) -> Path101:
-        bars = ladder.bars_in_space_and_time(Track.of, lambda a, b: nearby(a.gap(b)))
+        bars = ladder.bars_in_space_and_time(Track.of, lambda a, b: largest_nearby(a.gap(b)))
         parts = [np.broadcast_to(x, (2, 101)) for x in bars]
         return cls(Track.of(ladder.finest), np.sum(parts, axis=0))
 
@@ -73,13 +73,13 @@ class Path101:
         return float(PLACES[np.isfinite(self.track.t)][-1])
 
 
-def to_the_end(scene: Scene) -> dict[str, Any]:
+def view_to_slack_onset(scene: Scene) -> dict[str, Any]:
     """Arguments of a refinement with coarser runs up to the slack onset."""
     view = View.of_scene(scene)
     return {"view": replace(view, window=(view.window[0], max(view.window[1], SLACK_END)), reaches_end=True)}
 
 
-def nearby(gap: Array) -> Array:
+def largest_nearby(gap: Array) -> Array:
     """Largest value around each place (last axis); nan where that place has none."""
     largest = maximum_filter1d(np.nan_to_num(gap), 2 * NEARBY + 1, axis=1, mode="constant")
     return np.where(np.isfinite(gap), largest, np.nan)

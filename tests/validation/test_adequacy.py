@@ -19,15 +19,17 @@ NAMES = [f"{model} + {load}" for model, load in LADDER]
 
 
 @pytest.fixture(scope="module")
-def level(tmp_path_factory):
+def level_advice(tmp_path_factory):
     """Advice on the paper's scene to 5 percent, in a folder."""
     out, progress = tmp_path_factory.mktemp("level"), []
     content = adequacy.advise(LEVEL, 0.05, out, lambda label, done, note="": progress.append((label, done)))
     return content, out, progress
 
 
-def test_the_level_scene_needs_a_stretching_cable_for_its_path_and_little_for_ten_times_the_error_of_its_tension(level):
-    content, _, progress = level
+def test_the_level_scene_needs_a_stretching_cable_for_its_path_and_little_for_ten_times_the_error_of_its_tension(
+    level_advice,
+):
+    content, _, progress = level_advice
     lines = {r["name"]: r for r in content["rungs"]}
     assert content["asked"] == {"path": 0.05, "tension": 0.5}  # as `check` asks
     assert content["least"] == {"path": "stretching + mass", "tension": "sagged + force"}
@@ -40,8 +42,8 @@ def test_the_level_scene_needs_a_stretching_cable_for_its_path_and_little_for_te
     assert all(0.0 <= done <= 1.0 for _, done in progress)
 
 
-def test_the_run_that_is_advised_does_what_is_said_of_it(level):
-    content, _, _ = level
+def test_the_run_that_is_advised_does_what_is_said_of_it(level_advice):
+    content, _, _ = level_advice
     fine = run(LEVEL, "following-p2", elements=40, steps=2000, until=0.8)
     view = View.of_scene(LEVEL).cut_to_valid_range(fine)
     r = run(LEVEL, content["method"], model=content["model"], load=content["load"], until=0.8, **content["settings"])
@@ -50,8 +52,8 @@ def test_the_run_that_is_advised_does_what_is_said_of_it(level):
         assert found[need] == pytest.approx(content["gaps"][need], abs=bar + 1e-4)
 
 
-def test_an_advice_that_is_there_is_kept_and_another_tolerance_is_another_advice(level, monkeypatch):
-    content, out, _ = level
+def test_an_advice_that_is_there_is_kept_and_another_tolerance_is_another_advice(level_advice, monkeypatch):
+    content, out, _ = level_advice
     monkeypatch.setattr(adequacy, "advice", lambda *args: {"asked": "again"})
     assert adequacy.advise(LEVEL, 0.05, out) == content == json.loads((out / "advice.json").read_text())
     assert adequacy.advise(LEVEL, 0.04, out / "other") == {"asked": "again"}
@@ -127,7 +129,7 @@ def random_scene(rng):
 # --- the page -------------------------------------------------------------------------------------------------------
 
 
-def said(tmp_path, gaps, **other):
+def advice_page_text(tmp_path, gaps, **other):
     """Text of the page of advice to 5 percent, from distances (path, tension) of models, the full one last."""
     names = NAMES[: len(gaps) - 1] + NAMES[-1:]
     rungs = [
@@ -145,7 +147,7 @@ def said(tmp_path, gaps, **other):
 
 
 def test_what_the_full_run_s_error_could_turn_is_said_to_be_uncertain(tmp_path):
-    text = said(tmp_path, [(0.0505, 0.9), (0.01, 0.52), (1e-3, 0.2)])
+    text = advice_page_text(tmp_path, [(0.0505, 0.9), (0.01, 0.52), (1e-3, 0.2)])
     assert text.count("Too close") == 2
     assert "Too close to the tolerance of the path to be certain: string + force." in text
     assert "Too close to the tolerance of the tension to be certain: string + mass." in text
@@ -156,11 +158,11 @@ def test_what_the_full_run_s_error_could_turn_is_said_to_be_uncertain(tmp_path):
 
 
 def test_a_scene_that_falls_slack_at_once_is_said_to_need_the_full_model(tmp_path):
-    assert "slack at sₒ/l = 0.030" in said(tmp_path, [(1e-3, 2e-2)], slack_onset=0.03)
+    assert "slack at sₒ/l = 0.030" in advice_page_text(tmp_path, [(1e-3, 2e-2)], slack_onset=0.03)
 
 
-def test_the_page_says_the_advice_and_shows_the_ladder(level):
-    _, out, _ = level
+def test_the_page_says_the_advice_and_shows_the_ladder(level_advice):
+    _, out, _ = level_advice
     found = page.sections(out)
     html = "".join(str(s.html) for s in found)
     assert found[0].verdict == "agree"

@@ -21,7 +21,7 @@ from validation.core.running import Run, run
 LINE = CREEPER.replace({"mass.mass": 80.0, "mass.below": 2.0, "drive.wind": 0.0})
 
 
-def scene(**changes):
+def scene_with_changes(**changes):
     return LINE.replace({key.replace("__", "."): value for key, value in changes.items()})
 
 
@@ -37,13 +37,13 @@ def scene(**changes):
     ],
 )
 def test_the_outcome_is_one_sentence(changes, kind, words):
-    found = answers.outcome_of_run(s := scene(**changes), quasi_static(s))
+    found = answers.outcome_of_run(s := scene_with_changes(**changes), quasi_static(s))
     assert found.kind == kind
     assert found.sentence.startswith(words)
 
 
 def test_a_car_that_sticks_or_turns_back_says_how_far_it_came():
-    s = scene(drive__wind=-8.0)
+    s = scene_with_changes(drive__wind=-8.0)
     r = quasi_static(s)
     assert answers.outcome_of_run(s, r).sentence.endswith(f", the farthest point is {r.s_o.max():.1f} m")
     s = Scene.load("rollback")
@@ -65,26 +65,28 @@ def test_a_hauled_car_and_a_prescribed_stop():
     assert (found.kind, found.sentence) == ("stopped", "stops at 300.0 m after 60.0 s")
 
 
-def with_tree(top):
-    return scene(obstacle=[{"name": "tree", "at": 180.0, "top": top}])
+def scene_with_tree(top):
+    return scene_with_changes(obstacle=[{"name": "tree", "at": 180.0, "top": top}])
 
 
 def test_a_tree_is_hit_by_feet_first_and_then_by_the_rope():
-    r = quasi_static(with_tree(22.0))
-    found = clearance_tracks(with_tree(22.0), r)
+    r = quasi_static(scene_with_tree(22.0))
+    found = clearance_tracks(scene_with_tree(22.0), r)
     rope, car = found["rope", "tree"], found["car", "tree"]
     depth = np.interp(180.0, r.x, r.y)  # the rope is deepest there when the car passes
     assert car.value == pytest.approx([22.0 - depth - 2.0], rel=0.0, abs=1e-6)
     assert rope.value.min() == pytest.approx(22.0 - depth, rel=0.0, abs=1e-6)
     assert rope.value.max() > 22.0 - 22.8  # the empty rope passes it 22.7 m below the start
     for top, hit in ((20.0, ["tree"]), (depth + 1.0, ["tree"]), (depth + 2.5, [])):
-        said = answers.outcome_of_run(with_tree(top), quasi_static(with_tree(top))).sentence
+        said = answers.outcome_of_run(scene_with_tree(top), quasi_static(scene_with_tree(top))).sentence
         assert said.startswith("would hit tree; ") is bool(hit)
 
 
 def test_a_rope_beyond_its_breaking_load_does_not_arrive():
     """8000 kg on a zip line arrived with 72.5 km/h, a safety factor of 0.47 in the lines below."""
-    s = scene(mass__mass=8000.0, cable__breaking_load=90e3, obstacle=[{"name": "tree", "at": 180.0, "top": 22.0}])
+    s = scene_with_changes(
+        mass__mass=8000.0, cable__breaking_load=90e3, obstacle=[{"name": "tree", "at": 180.0, "top": 22.0}]
+    )
     found = answers.outcome_of_run(s, quasi_static(s))
     assert found.kind == "breaks"
     assert found.sentence.startswith("the rope breaks: ")
@@ -103,7 +105,7 @@ def test_a_rope_beyond_its_breaking_load_does_not_arrive():
     ],
 )  # fmt: skip
 def test_what_is_closer_than_its_bar_is_too_close_to_tell(quantity, value, words):
-    s = scene(cable__breaking_load=90e3, obstacle=[{"name": "tree", "at": 180.0, "top": 30.0}])
+    s = scene_with_changes(cable__breaking_load=90e3, obstacle=[{"name": "tree", "at": 180.0, "top": 30.0}])
     r = quasi_static(s)
     changed = [row | {"value": value, "bar": 0.02} if row["quantity"] == quantity else row for row in design_numbers(r)]
     assert answers.outcome_of_run(s, dataclasses.replace(r, design=changed)).sentence.startswith(words)
@@ -118,14 +120,14 @@ def test_a_profile_holds_nothing_past_the_slack_onset():
 
 
 def test_a_rider_who_never_comes_there_does_not_hit_it():
-    s = scene(obstacle=[{"name": "roof", "at": 410.0, "top": 32.5}])
+    s = scene_with_changes(obstacle=[{"name": "roof", "at": 410.0, "top": 32.5}])
     rope, car = clearance_tracks(s, quasi_static(s)).values()
     assert car.value.size == 0
     assert rope.value.size > 10
 
 
 def test_ground_is_linear_and_says_nothing_outside_its_points():
-    s = scene(ground=[[100.0, 40.0], [200.0, 30.0], [300.0, 50.0]])
+    s = scene_with_changes(ground=[[100.0, 40.0], [200.0, 30.0], [300.0, 50.0]])
     r = quasi_static(s)
     rope, car = clearance_tracks(s, r).values()
     inside = (r.x >= 100.0) & (r.x <= 300.0)
@@ -139,13 +141,13 @@ def test_ground_is_linear_and_says_nothing_outside_its_points():
 
 
 def test_the_profile_holds_every_place_of_the_car():
-    r = quasi_static(scene())
+    r = quasi_static(scene_with_changes())
     p = answers.profile_columns(r)
     assert (p["y_highest"] <= p["y_rest"] + 1e-9).all()
     assert (p["y_lowest"] >= p["y_rest"] - 1e-9).all()
     assert (np.interp(r.x, p["x"], p["y_lowest"]) >= r.y - 1e-2).all()
     assert p["tension_max"].max() == pytest.approx(r.fields.T.max(), rel=2e-3)
-    flat = answers.profile_columns(quasi_static(scene(mass__mass=0.01)))
+    flat = answers.profile_columns(quasi_static(scene_with_changes(mass__mass=0.01)))
     assert np.ptp(flat["y_lowest"] - flat["y_rest"]) < 1e-3  # without a rider the rope stays at rest
 
 

@@ -21,27 +21,27 @@ SINES = {"terms": 36, "steps": 1000, "scheme": "generalized-alpha"}
 
 
 @pytest.fixture(scope="module")
-def right() -> tuple[Ladder, Ladder]:
+def right_answers() -> tuple[Ladder, Ladder]:
     """Two answers as a check ends with."""
     return run_with_error_bars(LEVEL, "following-p2", **ELEMENTS), run_with_error_bars(LEVEL, "fourier-kink", **SINES)
 
 
 @pytest.mark.parametrize(("wing", "group"), [(0, "mu"), (1, "alpha")], ids=["elements", "sines"])
-def test_a_planted_fault_turns_the_verdict(right, wing, group):
+def test_a_planted_fault_turns_the_verdict(right_answers, wing, group):
     """The mass, or EA, off by one percent; a wrong equation of motion: test_conformance.py."""
-    method = METHODS[right[wing].finest.method]
+    method = METHODS[right_answers[wing].finest.method]
 
     def build(groups, x, **how):
         return method.build(dataclasses.replace(groups, **{group: 1.01 * getattr(groups, group)}), x, **how)
 
     wrong = run_with_error_bars(LEVEL, dataclasses.replace(method, build=build), **(SINES if wing else ELEMENTS))
-    rows = compare(LEVEL, *((right[0], wrong) if wing else (wrong, right[1])))
+    rows = compare(LEVEL, *((right_answers[0], wrong) if wing else (wrong, right_answers[1])))
     assert worst_deciding_verdict(rows) is Verdict.DISAGREE
     path = next(r for r in rows if r.quantity == "path_rms")
     assert path.verdict is Verdict.DISAGREE, (path.gap, path.allowed)
 
 
-def row(gap: float, bars: tuple[float, float], required: float, decides: bool = True) -> Agreement:
+def agreement_row(gap: float, bars: tuple[float, float], required: float, decides: bool = True) -> Agreement:
     parts = tuple(BoundPart(name, bar) for name, bar in zip(("a", "b"), bars, strict=True))
     return Agreement("speed", gap, Bound("error bars", parts), required=required, decides=decides)
 
@@ -60,11 +60,15 @@ INF = float("inf")
     ],
 )  # fmt: skip
 def test_the_rule_has_three_lines(gap, bars, required, verdict):
-    assert row(gap, bars, required).verdict is verdict
+    assert agreement_row(gap, bars, required).verdict is verdict
 
 
 def test_the_whole_is_the_first_of_disagree_too_coarse_and_agree_of_asked_rows():
-    agrees, coarse, apart = row(0.0, (0.1, 0.1), 1.0), row(0.0, (5.0, 0.1), 1.0), row(9.0, (0.1, 0.1), 1.0)
+    agrees, coarse, apart = (
+        agreement_row(0.0, (0.1, 0.1), 1.0),
+        agreement_row(0.0, (5.0, 0.1), 1.0),
+        agreement_row(9.0, (0.1, 0.1), 1.0),
+    )
     assert worst_deciding_verdict([agrees]) is Verdict.AGREE
     assert worst_deciding_verdict([agrees, coarse]) is Verdict.TOO_COARSE
     assert worst_deciding_verdict([agrees, coarse, apart]) is Verdict.DISAGREE
@@ -73,10 +77,10 @@ def test_the_whole_is_the_first_of_disagree_too_coarse_and_agree_of_asked_rows()
 
 
 def test_a_row_says_its_bars_and_what_was_asked():
-    told = row(0.2, (0.3, INF), 1.0).to_json()
+    told = agreement_row(0.2, (0.3, INF), 1.0).to_json()
     assert (told["bar_a"], told["bar_b"], told["allowed"]) == (0.3, None, None)
     assert (told["asked_for"], told["asked"], told["verdict"]) == (1.0, True, "too coarse")
-    assert row(0.2, (0.3, 0.1), 1.0, decides=False).to_json()["verdict"] is None
+    assert agreement_row(0.2, (0.3, 0.1), 1.0, decides=False).to_json()["verdict"] is None
 
 
 def test_check_meets_its_tolerance_and_writes_the_contract(tmp_path):
@@ -128,14 +132,14 @@ def test_refinement_goes_on_when_a_finer_run_does_away_with_a_disagreement():
     assert check(scene, tol=1e-2, tol_tension=0.15, until=0.95).verdict is Verdict.AGREE
 
 
-def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right):
+def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right_answers):
     methods = [METHODS["following-p2"], METHODS["fourier-kink"]]
 
     def finer(*parts, larger=True, decides=True):
         bars = tuple(BoundPart(m.name, sum(p)) for m, p in zip(methods, parts, strict=True))
         wide = Agreement("speed", 0.1, Bound("error bars", bars), required=0.5, decides=decides, parts=parts)
         sides = [study._MethodOnScene(LEVEL, m, 1e-2, float("inf"), {}) for m in methods]
-        return [side.finer_settings(ladder, [wide], larger) for side, ladder in zip(sides, right, strict=True)]
+        return [side.finer_settings(ladder, [wide], larger) for side, ladder in zip(sides, right_answers, strict=True)]
 
     sines = (0.0, 0.01), (0.9, 0.01)
     first, second = finer(*sines)

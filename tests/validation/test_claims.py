@@ -26,7 +26,7 @@ class Told:
         self.bar = lambda f: bar + 0.0 * f(0.0)
 
 
-def quantity(value, bar=0.0, paper=None, **entry):
+def claim_quantity(value, bar=0.0, paper=None, **entry):
     """Return one quantity as claims.toml would have it."""
     names = {"level": value, "reference": {"level": Told(bar)}, "runs": {}, "printed": paper}
     entry |= {} if paper is None else {"paper": "printed"}
@@ -50,12 +50,12 @@ def quantity(value, bar=0.0, paper=None, **entry):
     ],
 )
 def test_a_verdict_follows_from_value_bar_and_range(value, bar, paper, expected):
-    assert claim_verdict([quantity(value, bar, paper, around=0.655, within="read off")]) == expected
+    assert claim_verdict([claim_quantity(value, bar, paper, around=0.655, within="read off")]) == expected
 
 
 def test_one_true_reading_is_enough_and_one_false_condition_too_much():
-    yes, no = quantity(0.2, 0.01, at_most=0.3), quantity(0.2, 0.01, at_least=0.7)
-    unknown = quantity(0.69, 0.02, at_least=0.7)
+    yes, no = claim_quantity(0.2, 0.01, at_most=0.3), claim_quantity(0.2, 0.01, at_least=0.7)
+    unknown = claim_quantity(0.69, 0.02, at_least=0.7)
     assert claim_verdict([yes, no], one_is_enough=True) == HOLDS
     assert claim_verdict([yes, no]) == FAILS
     assert claim_verdict([yes, unknown]) == OPEN
@@ -65,11 +65,11 @@ def test_one_true_reading_is_enough_and_one_false_condition_too_much():
 
 
 def test_a_range_in_words():
-    both = quantity(0.2, at_least=0.1, at_most=0.3, reason="so")
+    both = claim_quantity(0.2, at_least=0.1, at_most=0.3, reason="so")
     assert (both["claimed"], both["low"], both["high"]) == ("0.1 to 0.3 (so)", 0.1, 0.3)
-    least = quantity(0.2, at_least="1 / 4", reason="so")
+    least = claim_quantity(0.2, at_least="1 / 4", reason="so")
     assert (least["claimed"], least["low"], least["high"]) == ("at least 0.25 (so)", 0.25, None)
-    assert quantity(0.655, around=0.655, within="read off")["claimed"] == "0.655 ± 0.01 (read off the figure)"
+    assert claim_quantity(0.655, around=0.655, within="read off")["claimed"] == "0.655 ± 0.01 (read off the figure)"
 
 
 def test_keys_are_a_quantity_each_and_other_choices_are_the_bar():
@@ -94,13 +94,13 @@ def test_a_sentence_that_asks_for_an_unknown_number_is_an_error():
 
 
 @pytest.fixture(scope="module")
-def level() -> Response:
+def level_run() -> Response:
     return run(Scene.load("level"), "following-p2", elements=10, steps=600)
 
 
-def test_turning_points_of_a_known_path(level):
-    s = level.s_o / level.length
-    wave = dataclasses.replace(level, v=np.cos(2.0 * np.pi * 1.7 * (s - 0.21)), y=np.sin(2.0 * np.pi * 1.1 * s))
+def test_turning_points_of_a_known_path(level_run):
+    s = level_run.s_o / level_run.length
+    wave = dataclasses.replace(level_run, v=np.cos(2.0 * np.pi * 1.7 * (s - 0.21)), y=np.sin(2.0 * np.pi * 1.1 * s))
     exact = [(0.21, "max"), (0.21 + 0.5 / 1.7, "min"), (0.21 + 1.0 / 1.7, "max")]
     found = measured.turning_points(wave, "v")
     assert [kind for _, kind in found] == [kind for _, kind in exact]
@@ -108,12 +108,14 @@ def test_turning_points_of_a_known_path(level):
     assert abs(measured.lowest_point_position(wave, "y + v") - 0.25 / 1.1) < 2e-6
 
 
-def test_a_ripple_of_known_size_is_found_and_none_where_there_is_none(level):
-    s = level.fields.s / level.length
-    T = np.broadcast_to(level.horizontal_tension * (1.0 + 0.07 * np.sin(2.0 * np.pi * 31.0 * s)), level.fields.T.shape)
-    wavy = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T_pointwise=T))
-    one = np.full_like(T, level.horizontal_tension)
-    flat = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T_pointwise=one))
+def test_a_ripple_of_known_size_is_found_and_none_where_there_is_none(level_run):
+    s = level_run.fields.s / level_run.length
+    T = np.broadcast_to(
+        level_run.horizontal_tension * (1.0 + 0.07 * np.sin(2.0 * np.pi * 31.0 * s)), level_run.fields.T.shape
+    )
+    wavy = dataclasses.replace(level_run, fields=dataclasses.replace(level_run.fields, T_pointwise=T))
+    one = np.full_like(T, level_run.horizontal_tension)
+    flat = dataclasses.replace(level_run, fields=dataclasses.replace(level_run.fields, T_pointwise=one))
     rms = 0.07 / math.sqrt(2.0)
     x = np.pi * 31.0 / 200.0
     left = np.sin(21.0 * x) / (21.0 * np.sin(x))  # what a moving mean of 21 stations leaves of 31 waves
@@ -125,16 +127,16 @@ def test_a_ripple_of_known_size_is_found_and_none_where_there_is_none(level):
     assert measured.rms_tension_error(flat, flat) == measured.mean_count_of_tension_extremes(flat) == 0.0
 
 
-def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says(level):
+def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says(level_run):
     """2 V/(1 + V) on a taut string; a doubled tension brings it back earlier."""
     V = Scene.load("level").speed_ratio
-    H = level.horizontal_tension
+    H = level_run.horizontal_tension
     string = dataclasses.replace(
-        level, fields=dataclasses.replace(level.fields, T_pointwise=np.full_like(level.fields.T, H))
+        level_run, fields=dataclasses.replace(level_run.fields, T_pointwise=np.full_like(level_run.fields.T, H))
     )
     assert abs(measured.reflected_front_meeting_position(string) - 2.0 * V / (1.0 + V)) < 1e-4
-    twice = np.full_like(level.fields.T, 2.0 * H)
-    tight = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T_pointwise=twice))
+    twice = np.full_like(level_run.fields.T, 2.0 * H)
+    tight = dataclasses.replace(level_run, fields=dataclasses.replace(level_run.fields, T_pointwise=twice))
     assert measured.reflected_front_meeting_position(tight) < 0.5
 
 

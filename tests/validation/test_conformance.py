@@ -25,12 +25,12 @@ every = pytest.mark.parametrize("name", TABLE)
 
 
 @pytest.fixture(autouse=True)
-def mine(monkeypatch):
+def own_method_in_table(monkeypatch):
     """Put a user's own method into the table."""
     monkeypatch.setitem(METHODS, MINE, sines.METHOD)
 
 
-def coarse(name):
+def coarse_settings(name):
     """Settings of some milliseconds."""
     method = find_method(name)
     settings = method.complete_settings(
@@ -39,10 +39,10 @@ def coarse(name):
     return method.resolution_and_steps(settings)
 
 
-def begun(name):
+def solver_and_first_states(name):
     """Return a solver and its first states."""
     method = find_method(name)
-    settings = method.complete_settings(coarse(name))
+    settings = method.complete_settings(coarse_settings(name))
     solver = method.build(SCENE.groups, settings, model="full", load="mass", law="elastic")
     steps = integrate(solver, scheme(settings["scheme"]), step_times_by_phase(solver, 60))
     return solver, [next(steps) for _ in range(4)]
@@ -50,7 +50,7 @@ def begun(name):
 
 @every
 def test_a_solver_is_what_the_contract_says(name):
-    solver, states = begun(name)
+    solver, states = solver_and_first_states(name)
     assert all(x.q.shape == x.v.shape == x.a.shape == (solver.n_dof,) for x in states)
     places = [solver.position(x) for x in states]
     assert places == sorted(places)
@@ -70,7 +70,7 @@ def test_a_solver_is_what_the_contract_says(name):
 
 @every
 def test_a_taut_cable_does_not_know_its_law(name):
-    solver, states = begun(name)
+    solver, states = solver_and_first_states(name)
     other, x = solver.with_law("tension-only"), states[-1]
     same = (y.residual(x.t, x.q, x.v, x.a, x.phase) for y in (solver, other))
     np.testing.assert_allclose(*same, rtol=0.0, atol=1e-9 * solver.force_scale + 10.0 * solver.force_floor)
@@ -78,7 +78,7 @@ def test_a_taut_cable_does_not_know_its_law(name):
 
 @every
 def test_a_run_under_the_default_law(name, tmp_path):
-    response = run(SCENE, name, **coarse(name))
+    response = run(SCENE, name, **coarse_settings(name))
     assert response.law == "auto"
     assert (response.status == "complete") != (response.cause is not None)
     assert np.isfinite(response.v).all()
@@ -87,7 +87,10 @@ def test_a_run_under_the_default_law(name, tmp_path):
 
 
 def test_a_run_by_object_is_that_by_name():
-    runs = [run(SCENE, method, **coarse("following-p2")) for method in ("following-p2", find_method("following-p2"))]
+    runs = [
+        run(SCENE, method, **coarse_settings("following-p2"))
+        for method in ("following-p2", find_method("following-p2"))
+    ]
     np.testing.assert_array_equal(*(r.v for r in runs))
 
 

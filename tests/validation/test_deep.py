@@ -6,7 +6,7 @@ import numpy as np
 
 from cablefem.newmark.newmark_rule import NewmarkRule
 from tests.validation import test_rides_check
-from tests.validation.pairs import LEVEL, right
+from tests.validation.pairs import LEVEL, right_answers
 from validation.commands.check.deep import THIRD, rows_against_third_parties
 from validation.core.agreement import Verdict
 
@@ -14,13 +14,13 @@ PARTIES = dict(zip(("frequencies", "rest", "driver", "bars"), THIRD, strict=True
 RIDE = test_rides_check.RIDE
 
 
-def verdict(which, scene, a):
+def third_party_verdict(which, scene, a):
     row = THIRD[PARTIES[which]](scene, a)
     return None if row is None else row.verdict
 
 
 def test_right_answers_agree_with_all_third_parties_that_their_scene_has():
-    (a, _), (free, _) = right(), test_rides_check.pair()
+    (a, _), (free, _) = right_answers(), test_rides_check.ride_answers()
     gripped = list(rows_against_third_parties(LEVEL, a))
     assert [row.law for row in gripped] == [PARTIES[x] for x in ("frequencies", "driver", "bars")]
     rolling = [THIRD[PARTIES["rest"]](RIDE, free)]
@@ -28,9 +28,9 @@ def test_right_answers_agree_with_all_third_parties_that_their_scene_has():
 
 
 def test_a_car_that_starts_elsewhere_is_seen():
-    free, _ = test_rides_check.pair()
+    free, _ = test_rides_check.ride_answers()
     lower = free.map(lambda r: replace(r, y=r.y + 1e-3 * r.max_deflection))
-    assert verdict("rest", RIDE, lower) is Verdict.DISAGREE
+    assert third_party_verdict("rest", RIDE, lower) is Verdict.DISAGREE
 
 
 def test_a_driver_whose_velocities_lag_is_seen(monkeypatch):
@@ -43,10 +43,10 @@ def test_a_driver_whose_velocities_lag_is_seen(monkeypatch):
 
     monkeypatch.setattr(NewmarkRule, "__call__", lagging)
     monkeypatch.setattr(NewmarkRule, "solve_steps", lambda self, x, times: iter(()))
-    assert verdict("driver", LEVEL, right()[0]) is Verdict.DISAGREE
+    assert third_party_verdict("driver", LEVEL, right_answers()[0]) is Verdict.DISAGREE
 
 
 def test_a_path_outside_its_bar_is_seen():
-    a, _ = right()
+    a, _ = right_answers()
     wrong = a.map(lambda r: replace(r, v=r.v + 4.0 * a.finest.path_error * r.max_deflection * np.sign(r.s_o)))
-    assert verdict("bars", LEVEL, wrong) is Verdict.DISAGREE
+    assert third_party_verdict("bars", LEVEL, wrong) is Verdict.DISAGREE

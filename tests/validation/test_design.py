@@ -8,7 +8,7 @@ import pytest
 
 from cablefem import Scene
 from cablefem.response import Response
-from tests.validation.ladders import ladder
+from tests.validation.ladders import run_ladder
 from validation.core import readback, recomputed
 from validation.core.agreement import Verdict
 from validation.core.answers import outcome_of_run
@@ -32,23 +32,23 @@ SCENES = {"level": Scene.load("level"), "rider": RIDER, "camera": CAMERA}
 COARSE = {"elements": 8, "steps": 600}
 
 
-def numbers(*of):
+def design_rows(*of):
     return [SimpleNamespace(**row) for row in design_numbers(*of)]
 
 
 @pytest.fixture(scope="module", params=SCENES)
-def told(request):
+def ladder_with_numbers(request):
     """A ladder and its design numbers."""
     scene = SCENES[request.param]
     until = {} if scene.drive.mode == "free" else {"until": 0.8}
-    found = ladder(scene, **COARSE, **until)
-    return scene, found, numbers(found)
+    found = run_ladder(scene, **COARSE, **until)
+    return scene, found, design_rows(found)
 
 
-def test_bars_hold_against_a_finer_run(told):
-    scene, _, known = told
+def test_bars_hold_against_a_finer_run(ladder_with_numbers):
+    scene, _, known = ladder_with_numbers
     until = {} if scene.drive.mode == "free" else {"until": 0.8}
-    true = {n.quantity: n for n in numbers(run(scene, "following-p2", elements=16, steps=1500, **until))}
+    true = {n.quantity: n for n in design_rows(run(scene, "following-p2", elements=16, steps=1500, **until))}
     off = [n for n in known if not abs(n.value - true[n.quantity].value) <= n.bar]
     assert off == []
     # and say something: a wide bar would hold as well
@@ -57,8 +57,8 @@ def test_bars_hold_against_a_finer_run(told):
     assert [n for n in raw if not abs(n.peak - true[n.quantity].peak) <= n.bar_peak] == []
 
 
-def test_forces_are_means_and_the_raw_peak_lies_beyond(told):
-    _, _, known = told
+def test_forces_are_means_and_the_raw_peak_lies_beyond(ladder_with_numbers):
+    _, _, known = ladder_with_numbers
     forces = [n for n in known if n.unit == "N"]
     assert len(forces) >= 8
     for n in forces:
@@ -66,8 +66,8 @@ def test_forces_are_means_and_the_raw_peak_lies_beyond(told):
     assert all(n.peak is None for n in known if n.unit != "N")
 
 
-def test_numbers_stand_where_they_occur(told):
-    _, found, known = told
+def test_numbers_stand_where_they_occur(ladder_with_numbers):
+    _, found, known = ladder_with_numbers
     by, r = {n.quantity: n for n in known}, found.finest
     deep = by["mass_deepest"]
     assert deep.value == pytest.approx(float(np.interp(deep.t, r.t, r.y)))
@@ -80,26 +80,28 @@ def test_numbers_stand_where_they_occur(told):
 
 def test_a_peak_has_a_bar_only_where_axial_waves_are_not_damped():
     """A rule that damps them says nothing of the peak by itself."""
-    damped = ladder(SCENES["level"], **COARSE, until=0.8, scheme="generalized-alpha", rho_inf=0.5)
-    assert {n.bar_peak for n in numbers(damped)} == {None}
+    damped = run_ladder(SCENES["level"], **COARSE, until=0.8, scheme="generalized-alpha", rho_inf=0.5)
+    assert {n.bar_peak for n in design_rows(damped)} == {None}
 
 
 def test_a_car_that_only_goes_up_has_no_deepest_point():
     up = CAMERA.replace({"supports.drop": -60.0})
-    found = {n.quantity for n in numbers(run(up, "following-p2", elements=6, steps=300, until=0.95))}
+    found = {n.quantity for n in design_rows(run(up, "following-p2", elements=6, steps=300, until=0.95))}
     assert not {"deepest_point", "mass_deepest"} & found
     assert {"tension_max", "haul_force_max"} <= found
 
 
 def test_what_drives_a_free_car_is_its_thrust():
     """9 kN in the scene; no rope hauls it."""
-    by = {n.quantity: n for n in numbers(run(Scene.load("rocket"), "following-p2", elements=6, steps=300, until=0.3))}
+    by = {
+        n.quantity: n for n in design_rows(run(Scene.load("rocket"), "following-p2", elements=6, steps=300, until=0.3))
+    }
     assert by["thrust_max"].value == pytest.approx(9000.0, rel=1e-9)
     assert {"haul_force_max", "haul_force_min"}.isdisjoint(by)
 
 
-def test_a_bar_is_no_less_than_the_gap_to_the_twin(told):
-    _, found, known = told
+def test_a_bar_is_no_less_than_the_gap_to_the_twin(ladder_with_numbers):
+    _, found, known = ladder_with_numbers
     deeper = found.map(lambda r: replace(r, y=r.y + 1.0, v=r.v + 1.0))
     own, other = design_numbers(found, deeper), design_numbers(deeper, found)
     after = {row["quantity"]: row["bar"] for row in widen_bars_to_gaps(own, other)}
@@ -112,15 +114,15 @@ def test_a_bar_is_no_less_than_the_gap_to_the_twin(told):
     assert not any(row.decides for row in rows.values())
 
 
-def test_without_coarser_runs_there_are_no_bars(told):
-    _, found, _ = told
-    assert {number.bar for number in numbers(found.finest)} == {None}
+def test_without_coarser_runs_there_are_no_bars(ladder_with_numbers):
+    _, found, _ = ladder_with_numbers
+    assert {number.bar for number in design_rows(found.finest)} == {None}
 
 
 def test_extremes_reach_to_the_end_of_the_range_that_they_name():
     """The top speed of `inclined` was that of one step before: 176.48 m/s instead of 177.59."""
     coarse, fine = (run(Scene.load("inclined"), "following-p2", elements=8, steps=n, until=0.8) for n in (300, 900))
-    top = [{n.quantity: n for n in numbers(r)}["speed_max"] for r in (coarse, fine)]
+    top = [{n.quantity: n for n in design_rows(r)}["speed_max"] for r in (coarse, fine)]
     assert top[0].s_o == pytest.approx(0.8 * coarse.length, rel=1e-6)
     assert top[0].value == pytest.approx(top[1].value, rel=2e-4)
 
@@ -129,7 +131,7 @@ def test_extremes_reach_to_the_end_of_the_range_that_they_name():
 def test_the_steepest_angle_is_the_largest_up_or_down(name):
     """It was the steepest in the direction that the rope had at first."""
     r = quasi_static(Scene.load(name))
-    found = {n.quantity: n.value for n in numbers(r)}
+    found = {n.quantity: n.value for n in design_rows(r)}
     begin, end = time_span_for_extremes(r, None)
     for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):
         angle = np.abs(np.degrees(np.arctan(force[:, 1] / force[:, 0])))[(r.t >= begin) & (r.t <= end)]
@@ -137,8 +139,8 @@ def test_the_steepest_angle_is_the_largest_up_or_down(name):
 
 
 def test_a_slack_onset_has_a_bar():
-    found = ladder(SCENES["level"], elements=12, steps=1000, until=0.9)
-    (onset,) = (n for n in numbers(found) if n.quantity == "slack_onset")
+    found = run_ladder(SCENES["level"], elements=12, steps=1000, until=0.9)
+    (onset,) = (n for n in design_rows(found) if n.quantity == "slack_onset")
     assert onset.value == found.finest.slack_onset
     assert 0.0 < onset.bar < 0.05
 
@@ -147,7 +149,7 @@ def test_the_first_steps_of_a_mass_that_enters_from_rest_are_right():
     how = {"elements": 8, "steps": 300, "scheme": "generalized-alpha", "rho_inf": 0.8, "until": 0.1}
     r = run(Scene.load("cruise"), "following-p2", **how)
     assert r.T_behind[1:].min() > 0.7 * r.horizontal_tension
-    least = next(x for x in numbers(r) if x.quantity == "tension_min")
+    least = next(x for x in design_rows(r) if x.quantity == "tension_min")
     assert least.value > 0.5 * r.horizontal_tension
     assert "hidden slack" not in r.flag_kinds
 
@@ -162,35 +164,35 @@ def test_work_is_summed_up_to_where_the_travel_breaks_and_from_there():
 # --- what is printed, recomputed ------------------------------------------------------------------------------------
 
 
-def wrong(found):
+def wrong_quantities(found):
     """Return what recomputing finds wrong."""
     return {(x.quantity, x.law) for x in found if not x.gap <= x.allowed}
 
 
-def printed(found, known):
+def response_with_numbers(found, known):
     return replace(found.finest, design=[vars(n) for n in known])
 
 
-def test_what_is_printed_is_recomputed(told):
-    _, found, known = told
-    checked = list(recomputed.recomputed_rows(printed(found, known)))
-    assert wrong(checked) == set()
+def test_what_is_printed_is_recomputed(ladder_with_numbers):
+    _, found, known = ladder_with_numbers
+    checked = list(recomputed.recomputed_rows(response_with_numbers(found, known)))
+    assert wrong_quantities(checked) == set()
     laws = {x.law for x in checked}
     assert {n.quantity for n in known} <= laws
     assert {f"{n.quantity} peak" for n in known if n.peak is not None} <= laws
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
-def test_a_design_number_three_percent_off_is_seen(told, quantity):
-    _, found, known = told
-    r = printed(found, known)
+def test_a_design_number_three_percent_off_is_seen(ladder_with_numbers, quantity):
+    _, found, known = ladder_with_numbers
+    r = response_with_numbers(found, known)
     r.design[:] = [n | {"value": 1.03 * n["value"]} if n["quantity"] == quantity else n for n in r.design]
     bar = next((n.bar / abs(n.value) for n in known if n.quantity == quantity), np.inf)
-    assert ((("design", quantity) in wrong(recomputed.recomputed_rows(r))) is True) or bar > 0.02
+    assert ((("design", quantity) in wrong_quantities(recomputed.recomputed_rows(r))) is True) or bar > 0.02
 
 
 @pytest.fixture(scope="module")
-def ride():
+def ride_with_all_numbers():
     """A ride over trees and ground in crosswind, with all numbers that its scene can have."""
     scene = RIDER.replace({
         "mass.below": 2.0, "cable.breaking_load": 90e3, "cable.diameter": 0.015, "wind": {"across": 5.0},
@@ -202,42 +204,44 @@ def ride():
     return scene, replace(r, design=design_numbers(r))
 
 
-def test_every_printed_number_has_a_second_computation(ride):
-    scene, r = ride
+def test_every_printed_number_has_a_second_computation(ride_with_all_numbers):
+    scene, r = ride_with_all_numbers
     rows = list(recomputed.recomputed_rows(r, None, outcome_of_run(scene, r)))
     assert {row["quantity"] for row in r.design} <= {row.law for row in rows}
     assert {"wind_tilt", "safety_factor_min", "clearance_car_min:tree 1"} <= {row.law for row in rows}
-    assert wrong(rows) == set()
+    assert wrong_quantities(rows) == set()
     r = replace(r, design=[*r.design, r.design[0] | {"quantity": "knot_max"}])
-    assert wrong(recomputed.recomputed_design_rows(r)) == {("design", "knot_max")}
+    assert wrong_quantities(recomputed.recomputed_design_rows(r)) == {("design", "knot_max")}
 
 
-def times(factor):
+def multiplied_by(factor):
     return lambda value: factor * value
 
 
-def plus(shift):
+def shifted_by(shift):
     return lambda value: value + shift
 
 
 @pytest.mark.parametrize(
     ("quantity", "fault"),
     [
-        ("clearance_rope_min:tree 1", plus(1.0)), ("clearance_rope_min:the ground", plus(1.0)),
-        ("clearance_car_min:the ground", plus(-1.0)), ("clearance_car_min:tree 1", plus(2.0)),  # feet ignored
-        ("safety_factor_min", times(1.01)), ("wind_tilt", times(1.01)), ("angle_right", times(-1.0)),
-        *((f"stress{kind}_max", times(1.01)) for kind in ("", "_axial", "_bending")),
-        ("tension_over_wheel_min", times(1.01)),
+        ("clearance_rope_min:tree 1", shifted_by(1.0)), ("clearance_rope_min:the ground", shifted_by(1.0)),
+        ("clearance_car_min:the ground", shifted_by(-1.0)),
+        ("clearance_car_min:tree 1", shifted_by(2.0)),  # feet ignored
+        ("safety_factor_min", multiplied_by(1.01)), ("wind_tilt", multiplied_by(1.01)),
+        ("angle_right", multiplied_by(-1.0)),
+        *((f"stress{kind}_max", multiplied_by(1.01)) for kind in ("", "_axial", "_bending")),
+        ("tension_over_wheel_min", multiplied_by(1.01)),
     ],
 )  # fmt: skip
-def test_a_wrong_design_number_is_seen(ride, quantity, fault):
-    _, r = ride
+def test_a_wrong_design_number_is_seen(ride_with_all_numbers, quantity, fault):
+    _, r = ride_with_all_numbers
     changed = [row | {"value": fault(row["value"])} if row["quantity"] == quantity else row for row in r.design]
-    assert wrong(recomputed.recomputed_design_rows(replace(r, design=changed))) == {("design", quantity)}
+    assert wrong_quantities(recomputed.recomputed_design_rows(replace(r, design=changed))) == {("design", quantity)}
 
 
-def test_an_outcome_is_recomputed(ride):
-    scene, r = ride
+def test_an_outcome_is_recomputed(ride_with_all_numbers):
+    scene, r = ride_with_all_numbers
     kind, said = outcome_of_run(scene, r)
     assert kind == "stopped_by_brake"
     assert said.startswith("would hit ")
@@ -245,7 +249,7 @@ def test_an_outcome_is_recomputed(ride):
         ("stuck", said), (kind, said.replace("would hit", "clears")), (kind, said.replace("tree 1", "hut")),
         (kind, said.replace("stops in the brake at 2", "stops in the brake at 3")),
     ):  # fmt: skip
-        assert wrong([recomputed.recomputed_outcome_row(r, None, *other)]) == {("outcome", "")}
+        assert wrong_quantities([recomputed.recomputed_outcome_row(r, None, *other)]) == {("outcome", "")}
 
 
 @pytest.mark.parametrize("load", [90e3, 8e3, None])
@@ -255,11 +259,11 @@ def test_an_arrival_its_speed_and_a_break_are_recomputed(load):
     r = replace(r, design=design_numbers(r))
     kind, said = outcome_of_run(scene, r)
     assert kind == ("breaks" if load == 8e3 else "arrives")
-    assert wrong([recomputed.recomputed_outcome_row(r, None, kind, said)]) == set()
+    assert wrong_quantities([recomputed.recomputed_outcome_row(r, None, kind, said)]) == set()
     speed = said.split(" with ")[1].removesuffix(" km/h")
     faster = said.replace(speed, f"{1.01 * float(speed):.1f}")
     for other in (("stuck", said), (kind, faster)):
-        assert wrong([recomputed.recomputed_outcome_row(r, None, *other)]) == {("outcome", "")}
+        assert wrong_quantities([recomputed.recomputed_outcome_row(r, None, *other)]) == {("outcome", "")}
 
 
 @pytest.mark.parametrize("name", ["level", "inclined", "tramway", "kevlar", "rollback", "rocket"])
@@ -267,7 +271,7 @@ def test_outcomes_of_built_in_scenes_are_as_recomputed(name):
     scene = Scene.load(name)
     r = quasi_static(scene)
     r = replace(r, design=design_numbers(r))
-    assert wrong([recomputed.recomputed_outcome_row(r, None, *outcome_of_run(scene, r))]) == set()
+    assert wrong_quantities([recomputed.recomputed_outcome_row(r, None, *outcome_of_run(scene, r))]) == set()
 
 
 @pytest.mark.parametrize("name", ["F_contact", "speed"])

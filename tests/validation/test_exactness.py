@@ -101,7 +101,7 @@ def test_a_row_that_breaks_is_a_row_and_neither_sound_nor_a_comparison_that_must
 
 # --- the file and its page ------------------------------------------------------------------------------------------
 @pytest.fixture
-def few(monkeypatch):
+def free_tasks(monkeypatch):
     """Return tasks that cost nothing, with one that must fail."""
     calls = []
 
@@ -123,8 +123,8 @@ def few(monkeypatch):
     return tasks, calls
 
 
-def test_the_table_is_written_and_goes_on_where_it_stopped(few, tmp_path):
-    _, calls = few
+def test_the_table_is_written_and_goes_on_where_it_stopped(free_tasks, tmp_path):
+    _, calls = free_tasks
     progress = []
     content = exactness.write_oracle_table(tmp_path, lambda label, done: progress.append((label, done)))
     assert content == json.loads((tmp_path / "oracles.json").read_text())
@@ -132,15 +132,15 @@ def test_the_table_is_written_and_goes_on_where_it_stopped(few, tmp_path):
     assert content["rows"][1]["observed_order"] is None
     assert progress[-1] == ("oracles", 1.0)
     assert [o["name"] for o in content["oracles"]] == [*oracles.find_oracles()]
-    first = few[0][0]
+    first = free_tasks[0][0]
     (tmp_path / exactness.ROWS).write_text(json.dumps([json.dumps(first.key), content["rows"][0]]))
     calls.clear()
     assert exactness.write_oracle_table(tmp_path)["verdict"] == "agree"
     assert calls == ["second"]
 
 
-def test_one_row_that_is_not_as_it_should_be_spoils_the_verdict(few, tmp_path, monkeypatch):
-    tasks, _ = few
+def test_one_row_that_is_not_as_it_should_be_spoils_the_verdict(free_tasks, tmp_path, monkeypatch):
+    tasks, _ = free_tasks
     failing = SimpleNamespace(key=tasks[1].key, compute=lambda: tasks[1].compute() | {"expected": "agree"})
     monkeypatch.setattr(exactness, "all_tasks", lambda: [tasks[0], failing])
     assert exactness.write_oracle_table(tmp_path)["verdict"] == "disagree"
@@ -149,7 +149,7 @@ def test_one_row_that_is_not_as_it_should_be_spoils_the_verdict(few, tmp_path, m
     assert "second" in first.summary
 
 
-def test_the_page_shows_every_row_and_escapes_it(few, tmp_path):
+def test_the_page_shows_every_row_and_escapes_it(free_tasks, tmp_path):
     exactness.write_oracle_table(tmp_path)
     found = page.sections(tmp_path)
     html = "".join(str(s.html) for s in found)
@@ -159,7 +159,7 @@ def test_the_page_shows_every_row_and_escapes_it(few, tmp_path):
     assert len({s.id for s in found}) == len(found)
 
 
-def test_errors_are_drawn_for_a_case_of_all_methods_and_not_for_whatever_is_first_of_a_small_part(few, tmp_path):
+def test_errors_are_drawn_for_a_case_of_all_methods_and_not_for_whatever_is_first_of_a_small_part(free_tasks, tmp_path):
     content = exactness.write_oracle_table(tmp_path)
     assert "<svg" not in page.sections(tmp_path)[0].html
     row = content["rows"][0]

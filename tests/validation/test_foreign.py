@@ -20,34 +20,34 @@ L = LEVEL.length
 
 
 @pytest.fixture(scope="module")
-def ours():
+def our_ladder():
     return run_with_error_bars(LEVEL, "following-p2", elements=16, steps=800)
 
 
 @pytest.fixture(scope="module")
-def coarse():
+def coarse_run():
     return run(LEVEL, "following-p2", elements=6, steps=200)
 
 
-def rows_of(path, ours, with_tol=5e-3):
+def rows_by_quantity(path, ours, with_tol=5e-3):
     return {
         row.quantity: row for row in foreign.third_party_rows(path, ours, measures.common_window(*ours.runs), with_tol)
     }
 
 
-def columns():
+def opensees_columns():
     """Time [s], s_o/l, u/l, v/l of a real file, every third row."""
     return np.loadtxt(DATA / "opensees_level.csv", delimiter=",", skiprows=1)[::3].T
 
 
-def written(tmp_path, header, *arrays, delimiter=","):
+def write_path_file(tmp_path, header, *arrays, delimiter=","):
     file = tmp_path / "other.csv"
     rows = [delimiter.join(f"{x:.9g}" for x in row) for row in zip(*arrays, strict=True)]
     file.write_text("\n".join([header, *rows]) + "\n")
     return file
 
 
-def faults(call, *arguments):
+def faults_of_refusal(call, *arguments):
     with pytest.raises(Refused) as caught:
         call(*arguments)
     return caught.value.faults
@@ -58,34 +58,34 @@ def faults(call, *arguments):
 
 # Measured by hand with v alone: 0.26 and 0.21 percent of the largest deflection.
 @pytest.mark.parametrize(("name", "gap"), [("exudyn", 2.6e-3), ("opensees", 2.1e-3)])
-def test_the_two_real_files_agree_with_the_error_they_have(name, gap, ours, coarse):
+def test_the_two_real_files_agree_with_the_error_they_have(name, gap, our_ladder, coarse_run):
     path = ForeignPath.read(DATA / f"{name}_level.csv", LEVEL)
-    refuse_wrong_unit_or_direction(path, coarse)
-    row = rows_of(path, ours)["path_max"]
+    refuse_wrong_unit_or_direction(path, coarse_run)
+    row = rows_by_quantity(path, our_ladder)["path_max"]
     assert row.verdict is Verdict.AGREE
     assert row.gap == pytest.approx(gap, rel=0.1, abs=0.0)  # ours moves by its own error bar, a tenth of it
     assert row.third_party == f"{name}_level.csv"
     assert row.to_json()["with"] == f"{name}_level.csv"
     assert "its error bar" in row.allowed_because
     assert "0.005" in row.allowed_because
-    assert rows_of(path, ours)["path_rms"].verdict is Verdict.AGREE
+    assert rows_by_quantity(path, our_ladder)["path_rms"].verdict is Verdict.AGREE
 
 
-def test_a_fault_is_flagged(ours, coarse):
+def test_a_fault_is_flagged(our_ladder, coarse_run):
     path = ForeignPath.read(DATA / "opensees_level.csv", LEVEL)
     off = replace(path, v=1.01 * path.v)
     for wrong in (off, replace(path, t=path.t + 0.1), replace(path, u=path.u + 0.02 * path.v)):
-        assert rows_of(wrong, ours)["path_max"].verdict is Verdict.DISAGREE
-    assert rows_of(off, ours, with_tol=2e-2)["path_max"].verdict is Verdict.AGREE
-    refuse_wrong_unit_or_direction(replace(path, v=1.3 * path.v), coarse)  # wrong, but in the right unit
-    without = rows_of(replace(path, u=None), ours)["path_max"]
+        assert rows_by_quantity(wrong, our_ladder)["path_max"].verdict is Verdict.DISAGREE
+    assert rows_by_quantity(off, our_ladder, with_tol=2e-2)["path_max"].verdict is Verdict.AGREE
+    refuse_wrong_unit_or_direction(replace(path, v=1.3 * path.v), coarse_run)  # wrong, but in the right unit
+    without = rows_by_quantity(replace(path, u=None), our_ladder)["path_max"]
     assert without.verdict is Verdict.AGREE
     assert "v alone" in without.allowed_because
 
 
 # --- names of columns -----------------------------------------------------------------------------------------------
 
-t, s, u, v = columns()
+t, s, u, v = opensees_columns()
 X, Y = LEVEL.catenary.x(L * s), LEVEL.catenary.y(L * s)
 
 
@@ -102,7 +102,7 @@ X, Y = LEVEL.catenary.x(L * s), LEVEL.catenary.y(L * s)
     ],
 )
 def test_names_tell_units_and_directions(tmp_path, header, arrays, delimiter, has_u):
-    path = ForeignPath.read(written(tmp_path, header, *arrays, delimiter=delimiter), LEVEL)
+    path = ForeignPath.read(write_path_file(tmp_path, header, *arrays, delimiter=delimiter), LEVEL)
     # nine digits were written, of y a sum of which v may be a hundredth
     np.testing.assert_allclose(path.v, L * v, rtol=1e-7, atol=1e-6)
     # the travel of the file is the scene's to its own digits
@@ -114,20 +114,20 @@ def test_names_tell_units_and_directions(tmp_path, header, arrays, delimiter, ha
         assert path.u is None
 
 
-def test_our_own_path_csv_is_read_as_it_was_computed(tmp_path, coarse):
-    coarse.write(tmp_path)
+def test_our_own_path_csv_is_read_as_it_was_computed(tmp_path, coarse_run):
+    coarse_run.write(tmp_path)
     path = ForeignPath.read(tmp_path / "path.csv", LEVEL)
     for name in ("t", "s_o", "u", "v", "T_behind", "T_ahead"):
-        np.testing.assert_array_equal(getattr(path, name), getattr(coarse, name))
+        np.testing.assert_array_equal(getattr(path, name), getattr(coarse_run, name))
 
 
-def test_a_path_with_tensions_has_a_row_for_them(tmp_path, coarse, ours):
-    coarse.write(tmp_path)
+def test_a_path_with_tensions_has_a_row_for_them(tmp_path, coarse_run, our_ladder):
+    coarse_run.write(tmp_path)
     path = ForeignPath.read(tmp_path / "path.csv", LEVEL)
     # Six elements against sixteen: the largest gap is where a front passes, some percent of H.
-    assert rows_of(path, ours, with_tol=0.1)["tension"].verdict is Verdict.AGREE
+    assert rows_by_quantity(path, our_ladder, with_tol=0.1)["tension"].verdict is Verdict.AGREE
     wrong = replace(path, T_ahead=1.5 * path.T_ahead)
-    assert rows_of(wrong, ours, with_tol=0.1)["tension"].verdict is Verdict.DISAGREE
+    assert rows_by_quantity(wrong, our_ladder, with_tol=0.1)["tension"].verdict is Verdict.DISAGREE
 
 
 def test_what_is_written_reads_back(tmp_path):
@@ -170,7 +170,7 @@ def test_rows_after_the_travel_are_left_out():
 def test_a_bad_file_is_refused_line_by_line(tmp_path, text, said):
     file = tmp_path / "bad.csv"
     file.write_text(text)
-    lines = faults(ForeignPath.read, file, LEVEL)
+    lines = faults_of_refusal(ForeignPath.read, file, LEVEL)
     assert all(line.startswith("bad.csv: ") and "\n" not in line for line in lines)
     for part in said:
         assert any(part in line for line in lines), (part, lines)
@@ -179,18 +179,18 @@ def test_a_bad_file_is_refused_line_by_line(tmp_path, text, said):
 def test_many_bad_cells_make_a_few_lines(tmp_path):
     file = tmp_path / "bad.csv"
     file.write_text("t,v\n" + "".join(f"{i},x\n" for i in range(30)))
-    lines = faults(ForeignPath.read, file, LEVEL)
+    lines = faults_of_refusal(ForeignPath.read, file, LEVEL)
     assert len(lines) == 6
     assert lines[-1] == "bad.csv: and 25 more cells like these"
 
 
 def test_files_that_cannot_be_read_are_told(tmp_path):
     for file in (tmp_path / "no.csv", tmp_path):
-        assert f"{file}: cannot be read" in faults(ForeignPath.read, file, LEVEL)[0]
+        assert f"{file}: cannot be read" in faults_of_refusal(ForeignPath.read, file, LEVEL)[0]
     (tmp_path / "b.csv").write_bytes(b"t,v\n0,\xff\n")
-    assert "not text in UTF-8" in faults(ForeignPath.read, tmp_path / "b.csv", LEVEL)[0]
+    assert "not text in UTF-8" in faults_of_refusal(ForeignPath.read, tmp_path / "b.csv", LEVEL)[0]
     (tmp_path / "c.csv").write_text("t,v\n0,0\n")
-    assert "no travelling mass" in faults(ForeignPath.read, tmp_path / "c.csv", Scene.load("bare"))[0]
+    assert "no travelling mass" in faults_of_refusal(ForeignPath.read, tmp_path / "c.csv", Scene.load("bare"))[0]
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_files_that_cannot_be_read_are_told(tmp_path):
     ],
 )
 def test_time_and_place_in_other_units_are_refused(tmp_path, header, arrays, said):
-    (line,) = faults(ForeignPath.read, written(tmp_path, header, *arrays), LEVEL)
+    (line,) = faults_of_refusal(ForeignPath.read, write_path_file(tmp_path, header, *arrays), LEVEL)
     assert said in line
     assert "t_ms, s_o_over_l" in line
 
@@ -222,16 +222,16 @@ def test_time_and_place_in_other_units_are_refused(tmp_path, header, arrays, sai
         ("v_up", L * v, ["v points the other way"]),
     ],
 )
-def test_deflection_in_another_unit_or_direction_is_told(tmp_path, coarse, header, values, said):
-    path = ForeignPath.read(written(tmp_path, f"t,{header}", t, values), LEVEL)
-    (line,) = faults(refuse_wrong_unit_or_direction, path, coarse)
+def test_deflection_in_another_unit_or_direction_is_told(tmp_path, coarse_run, header, values, said):
+    path = ForeignPath.read(write_path_file(tmp_path, f"t,{header}", t, values), LEVEL)
+    (line,) = faults_of_refusal(refuse_wrong_unit_or_direction, path, coarse_run)
     assert line.startswith("other.csv: v ")
     assert all(part in line for part in said), line
 
 
-def test_a_path_that_ends_early_is_not_comparable_but_told(ours):
+def test_a_path_that_ends_early_is_not_comparable_but_told(our_ladder):
     half = s <= 0.5
-    row = rows_of(ForeignPath.of(LEVEL, L * s[half], L * v[half], name="short"), ours)["path_max"]
+    row = rows_by_quantity(ForeignPath.of(LEVEL, L * s[half], L * v[half], name="short"), our_ladder)["path_max"]
     assert row.verdict is Verdict.NOT_COMPARABLE
     assert row.gap < 3e-3
     assert "short covers s_o/l 0.02 to 0.498 of 0.02 to 0.8" in row.allowed_because
@@ -247,7 +247,7 @@ def test_a_path_that_ends_early_is_not_comparable_but_told(ours):
     ],
 )
 def test_bad_numbers_of_a_solver_are_refused(arguments, said):
-    assert said in faults(ForeignPath.of, LEVEL, *arguments)[0]
+    assert said in faults_of_refusal(ForeignPath.of, LEVEL, *arguments)[0]
 
 
 # --- free rides: compared over time -----------------------------------------------------------------------------------
@@ -256,50 +256,63 @@ ZIPLINE = Scene.load("zipline")
 
 
 @pytest.fixture(scope="module")
-def ridden():
+def ride_ladder():
     return run_with_error_bars(ZIPLINE, "following-p2", elements=6, steps=300)
 
 
 @pytest.fixture(scope="module")
-def other():
+def ride_by_sines():
     return run(ZIPLINE, "fourier-kink", terms=12, steps=300)
 
 
-def ride(tmp_path, r, **changes):
+def write_ride_file(tmp_path, r, **changes):
     columns = {"t": r.t, "x": r.x, "y": r.y, "speed": r.speed} | changes
-    return written(tmp_path, ",".join(columns), *columns.values())
+    return write_path_file(tmp_path, ",".join(columns), *columns.values())
 
 
-def test_another_wing_s_ride_agrees_and_a_late_one_does_not(tmp_path, ridden, other):
-    path = ForeignPath.read(ride(tmp_path, other), ZIPLINE)
-    refuse_wrong_unit_or_direction(path, ridden.finest)
-    found = rows_of(path, ridden)
+def test_another_wing_s_ride_agrees_and_a_late_one_does_not(tmp_path, ride_ladder, ride_by_sines):
+    path = ForeignPath.read(write_ride_file(tmp_path, ride_by_sines), ZIPLINE)
+    refuse_wrong_unit_or_direction(path, ride_ladder.finest)
+    found = rows_by_quantity(path, ride_ladder)
     assert {name: row.verdict for name, row in found.items()} == dict.fromkeys(
         ("path_max", "path_rms", "speed"), Verdict.AGREE
     )
     assert "of x and y" in found["path_max"].allowed_because
-    late = rows_of(ForeignPath.read(ride(tmp_path, other, t=other.t + 0.1), ZIPLINE), ridden)
+    late = rows_by_quantity(
+        ForeignPath.read(write_ride_file(tmp_path, ride_by_sines, t=ride_by_sines.t + 0.1), ZIPLINE), ride_ladder
+    )
     assert late["path_max"].verdict is Verdict.DISAGREE
-    fast = rows_of(ForeignPath.read(ride(tmp_path, other, speed=1.05 * other.speed), ZIPLINE), ridden)
+    fast = rows_by_quantity(
+        ForeignPath.read(write_ride_file(tmp_path, ride_by_sines, speed=1.05 * ride_by_sines.speed), ZIPLINE),
+        ride_ladder,
+    )
     assert fast["speed"].verdict is Verdict.DISAGREE
     assert fast["path_max"].verdict is Verdict.AGREE
 
 
-def test_a_ride_by_its_place_on_the_cable_is_the_same_ride(tmp_path, ridden, other):
-    file = written(tmp_path, "t,s_o,u,v,speed_kmh", other.t, other.s_o, other.u, other.v, 3.6 * other.speed)
+def test_a_ride_by_its_place_on_the_cable_is_the_same_ride(tmp_path, ride_ladder, ride_by_sines):
+    file = write_path_file(
+        tmp_path,
+        "t,s_o,u,v,speed_kmh",
+        ride_by_sines.t,
+        ride_by_sines.s_o,
+        ride_by_sines.u,
+        ride_by_sines.v,
+        3.6 * ride_by_sines.speed,
+    )
     path = ForeignPath.read(file, ZIPLINE)
-    np.testing.assert_allclose(path.x, other.x, rtol=0.0, atol=1e-4)
-    np.testing.assert_allclose(path.speed, other.speed, rtol=1e-6, atol=1e-7)
-    assert rows_of(path, ridden)["path_max"].verdict is Verdict.AGREE
+    np.testing.assert_allclose(path.x, ride_by_sines.x, rtol=0.0, atol=1e-4)
+    np.testing.assert_allclose(path.speed, ride_by_sines.speed, rtol=1e-6, atol=1e-7)
+    assert rows_by_quantity(path, ride_ladder)["path_max"].verdict is Verdict.AGREE
     path.write(tmp_path / "with.csv")
     back = ForeignPath.read(tmp_path / "with.csv", ZIPLINE)
     np.testing.assert_array_equal(back.y, path.y)
 
 
-def test_a_ride_that_ends_early_is_not_comparable(tmp_path, ridden, other):
-    half = other.t < 0.5 * other.t[-1]
-    file = written(tmp_path, "t,x,y", other.t[half], other.x[half], other.y[half])
-    row = rows_of(ForeignPath.read(file, ZIPLINE), ridden)["path_max"]
+def test_a_ride_that_ends_early_is_not_comparable(tmp_path, ride_ladder, ride_by_sines):
+    half = ride_by_sines.t < 0.5 * ride_by_sines.t[-1]
+    file = write_path_file(tmp_path, "t,x,y", ride_by_sines.t[half], ride_by_sines.x[half], ride_by_sines.y[half])
+    row = rows_by_quantity(ForeignPath.read(file, ZIPLINE), ride_ladder)["path_max"]
     assert row.verdict is Verdict.NOT_COMPARABLE
     assert row.gap < 1e-2
     assert "covers t [s] 0 to " in row.allowed_because
@@ -308,15 +321,20 @@ def test_a_ride_that_ends_early_is_not_comparable(tmp_path, ridden, other):
 @pytest.mark.parametrize(
     ("header", "factor", "said"), [("y", -1.0, "y points the other way"), ("y", 1e3, "y is in another unit")]
 )
-def test_height_in_another_unit_or_direction_is_told(tmp_path, ridden, other, header, factor, said):
-    file = written(tmp_path, f"t,x,{header}", other.t, other.x, factor * other.y)
-    (line,) = faults(refuse_wrong_unit_or_direction, ForeignPath.read(file, ZIPLINE), ridden.finest)
+def test_height_in_another_unit_or_direction_is_told(tmp_path, ride_ladder, ride_by_sines, header, factor, said):
+    file = write_path_file(tmp_path, f"t,x,{header}", ride_by_sines.t, ride_by_sines.x, factor * ride_by_sines.y)
+    (line,) = faults_of_refusal(refuse_wrong_unit_or_direction, ForeignPath.read(file, ZIPLINE), ride_ladder.finest)
     assert said in line
 
 
-def test_a_ride_needs_its_time(tmp_path, other):
+def test_a_ride_needs_its_time(tmp_path, ride_by_sines):
     said = "a free ride needs t, s_o or x, and v or y; it has x, y"
-    assert said in faults(ForeignPath.read, written(tmp_path, "x,y", other.x, other.y), ZIPLINE)[0]
-    assert "it has s_o, v" in faults(ForeignPath.of, ZIPLINE, other.s_o, other.v)[0]
-    far = written(tmp_path, "t,s_o_km,y", other.t, other.s_o, other.y)
-    assert "s_o runs from" in faults(ForeignPath.read, far, ZIPLINE)[0]
+    assert (
+        said
+        in faults_of_refusal(
+            ForeignPath.read, write_path_file(tmp_path, "x,y", ride_by_sines.x, ride_by_sines.y), ZIPLINE
+        )[0]
+    )
+    assert "it has s_o, v" in faults_of_refusal(ForeignPath.of, ZIPLINE, ride_by_sines.s_o, ride_by_sines.v)[0]
+    far = write_path_file(tmp_path, "t,s_o_km,y", ride_by_sines.t, ride_by_sines.s_o, ride_by_sines.y)
+    assert "s_o runs from" in faults_of_refusal(ForeignPath.read, far, ZIPLINE)[0]

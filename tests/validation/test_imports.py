@@ -36,7 +36,7 @@ LIGHT = {
 }  # fmt: skip
 
 
-def loaded(code):
+def loaded_modules(code):
     """Names of all modules loaded after the code ran in a fresh interpreter."""
     probe = f"{code}\nimport json, sys\nprint(json.dumps(sorted(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True)
@@ -45,8 +45,10 @@ def loaded(code):
 
 @pytest.mark.parametrize(("code", "not_yet"), LIGHT.values(), ids=LIGHT)
 def test_nothing_is_loaded_before_it_is_used(code, not_yet):
-    assert not loaded(code) & not_yet
+    assert not loaded_modules(code) & not_yet
 
 
 def test_the_probe_sees_what_use_costs():
-    assert {"numpy", "validation.commands.check.study"} <= loaded("import validation; validation.check, validation.run")
+    assert {"numpy", "validation.commands.check.study"} <= loaded_modules(
+        "import validation; validation.check, validation.run"
+    )

@@ -10,7 +10,7 @@ from cablefem import Scene
 from cablefem.response import Fields, Response
 from cablefem.scene import Catenary, catenary
 from tests.scene.test_ride import ZIP
-from tests.validation.ladders import alone, ladder
+from tests.validation.ladders import ladder_without_coarser_runs, run_ladder
 from validation.core import laws
 from validation.core.running import run
 from validation.core.scene_data import SceneData
@@ -18,13 +18,13 @@ from validation.core.scene_data import SceneData
 WINDOW = (0.02, 0.40)
 
 
-def checked(x, window=WINDOW):
+def check_all_laws(x, window=WINDOW):
     """Check one law after the other; those of a ride all the way."""
     return laws.law_rows_in_si(x, (0.0, 1.0) if x.finest.drive == "free" else window)
 
 
-def held(x, window=WINDOW):
-    return {h.law or h.quantity: h for h in checked(x, window)}
+def row_by_law(x, window=WINDOW):
+    return {h.law or h.quantity: h for h in check_all_laws(x, window)}
 
 
 def is_broken(h):
@@ -32,26 +32,26 @@ def is_broken(h):
     return not h.gap <= 3.0 * h.allowed
 
 
-def broken(x):
+def broken_laws(x):
     """Return the laws that a ladder breaks."""
-    return {name for name, h in held(x).items() if is_broken(h)}
+    return {name for name, h in row_by_law(x).items() if is_broken(h)}
 
 
 def breaks_a_law(x):
-    return any(is_broken(h) for h in checked(x))
+    return any(is_broken(h) for h in check_all_laws(x))
 
 
 @pytest.fixture(scope="module")
-def level():
-    right = ladder(Scene.load("level"))
-    assert broken(right) == set()
+def level_ladder():
+    right = run_ladder(Scene.load("level"))
+    assert broken_laws(right) == set()
     return right
 
 
 @pytest.mark.parametrize("name", ["cruise", "inclined", "tramway"])
 def test_right_answers_keep_every_law(name):
     scene = Scene.load(name)
-    found = held(ladder(scene, elements=12, steps=1200, until=0.3), (0.02, 0.3))
+    found = row_by_law(run_ladder(scene, elements=12, steps=1200, until=0.3), (0.02, 0.3))
     assert {name: h for name, h in found.items() if not h.gap <= 2.0 * h.allowed} == {}
     others = {"compression"}
     others |= {"tension on both sides", "drive", "car at rest"} if scene.drive.mode == "grip" else set()
@@ -59,8 +59,8 @@ def test_right_answers_keep_every_law(name):
     assert set(found) == set(laws.LAWS) - others
 
 
-def test_a_right_ride_keeps_every_law(ride):
-    found = held(ride)
+def test_a_right_ride_keeps_every_law(ride_ladder):
+    found = row_by_law(ride_ladder)
     assert {name: h for name, h in found.items() if not h.gap <= 2.0 * h.allowed} == {}
     assert set(found) == set(laws.LAWS) - {"compression", "travel"}
 
@@ -94,7 +94,7 @@ SHARED = {
 @pytest.mark.parametrize("fault", SHARED)
 def test_what_both_wings_share_is_seen(fault):
     scene, wrong = SHARED[fault]
-    assert breaks_a_law(ladder(wrong, claims=scene))
+    assert breaks_a_law(run_ladder(wrong, claims=scene))
 
 
 RIDER = Scene.from_toml(ZIP + "end = {time = 1.0}\n"), {"elements": 8, "steps": 100}
@@ -104,19 +104,19 @@ HAULED = Scene.load("tramway"), {"elements": 8, "steps": 200, "until": 0.05}
 @pytest.mark.parametrize(("scene", "how"), [RIDER, HAULED], ids=["clamped", "on its rope"])
 def test_a_car_that_begins_elsewhere_than_at_its_rest_is_seen(scene, how):
     """By the TOML: the rest of a car one percent heavier, and a start 1 % of the deflection too deep."""
-    right = ladder(scene, **how)
-    assert "car at rest" not in broken(right)
+    right = run_ladder(scene, **how)
+    assert "car at rest" not in broken_laws(right)
     heavier = scene.replace({"mass.mass": 1.01 * scene.mass.mass})
-    assert "car at rest" in broken(ladder(heavier, claims=scene, **how))
+    assert "car at rest" in broken_laws(run_ladder(heavier, claims=scene, **how))
     y = right.finest.y.copy()
     y[0] += 0.01 * right.finest.max_deflection
-    assert "car at rest" in broken(alone(replace(right.finest, y=y)))
+    assert "car at rest" in broken_laws(ladder_without_coarser_runs(replace(right.finest, y=y)))
 
 
 def test_a_wrong_unit_of_time_is_seen(monkeypatch):
     scale = Scene.time_scale.fget
     monkeypatch.setattr(Scene, "time_scale", property(lambda self: 1.01 * scale(self)))
-    assert "momentum of the mass" in broken(ladder(LEVEL.variant()))
+    assert "momentum of the mass" in broken_laws(run_ladder(LEVEL.variant()))
 
 
 def test_a_wrong_curvature_of_the_shared_catenary_is_seen(monkeypatch):
@@ -127,7 +127,7 @@ def test_a_wrong_curvature_of_the_shared_catenary_is_seen(monkeypatch):
         return (*static(*at)[:3], *(1.02 * bend for bend in static(*at)[3:]))
 
     monkeypatch.setattr(catenary, "tension_and_shape_derivatives", bent)
-    assert "momentum of the mass" in broken(ladder(LEVEL.variant()))
+    assert "momentum of the mass" in broken_laws(run_ladder(LEVEL.variant()))
 
 
 @pytest.mark.parametrize(
@@ -146,21 +146,21 @@ def test_a_wrong_curvature_of_the_shared_catenary_is_seen(monkeypatch):
         (lambda r: replace(r, fields=replace(r.fields, du=1.05 * r.fields.du)), "up to the mass"),
     ],
 )  # fmt: skip
-def test_an_altered_answer_breaks_the_law_it_concerns(level, fault, law):
-    assert law in broken(level.map(fault))
+def test_an_altered_answer_breaks_the_law_it_concerns(level_ladder, fault, law):
+    assert law in broken_laws(level_ladder.map(fault))
 
 
 def test_a_slack_onset_told_late_is_seen():
-    x = ladder(Scene.load("level"), elements=40, steps=1600, until=0.9)
+    x = run_ladder(Scene.load("level"), elements=40, steps=1600, until=0.9)
     late = x.map(lambda r: replace(r, slack_onset=r.slack_onset + 0.03, switched=r.switched + 0.03))
-    right, wrong = (held(y, (0.02, 0.89))["slack onset"] for y in (x, late))
+    right, wrong = (row_by_law(y, (0.02, 0.89))["slack onset"] for y in (x, late))
     assert right.gap == 0.0
     assert wrong.gap > 3.0 * wrong.allowed
 
 
-def test_displacement_follows_from_velocity_where_the_mass_stands_on_a_station(level):
+def test_displacement_follows_from_velocity_where_the_mass_stands_on_a_station(level_ladder):
     """The mass stands on one at every frame: the velocity behind it alone would leave 0.8 percent."""
-    assert held(level)["displacement from velocity"].gap < 0.004
+    assert row_by_law(level_ladder)["displacement from velocity"].gap < 0.004
 
 
 def test_changes_that_cancel_in_a_mean_leave_it_uncertain():
@@ -172,8 +172,8 @@ def test_changes_that_cancel_in_a_mean_leave_it_uncertain():
 
 @pytest.mark.parametrize("steps", [400, 401])  # slack begins after an even and an odd number of steps
 def test_a_rope_that_falls_slack_has_no_compression_however_sparse_its_steps(steps):
-    x = ladder(LEVEL, elements=12, steps=steps, until=0.9)
-    assert held(x, (0.02, 0.89))["compression"].allowed < 1e-3
+    x = run_ladder(LEVEL, elements=12, steps=steps, until=0.9)
+    assert row_by_law(x, (0.02, 0.89))["compression"].allowed < 1e-3
 
 
 # --- every number of a response: 5 % off in both wings breaks a law ------------------------------------------------
@@ -199,7 +199,7 @@ TOML = (
 RODE = {"elements": 8, "steps": 300}
 
 
-def off(r, name, factor=1.05):
+def response_with_wrong_number(r, name, factor=1.05):
     """Return the response with one of its numbers wrong by a factor."""
     part, _, of = name.rpartition(".")
     if part == "fields":
@@ -212,33 +212,33 @@ def off(r, name, factor=1.05):
 
 
 @pytest.fixture(scope="module")
-def ride():
-    return ladder(Scene.from_toml(TOML), **RODE)
+def ride_ladder():
+    return run_ladder(Scene.from_toml(TOML), **RODE)
 
 
 @pytest.mark.parametrize("name", [name for name in NUMBERS if name not in UNHELD])
-def test_a_wrong_number_breaks_a_law(level, name):
-    assert breaks_a_law(level.map(lambda r: off(r, name)))
+def test_a_wrong_number_breaks_a_law(level_ladder, name):
+    assert breaks_a_law(level_ladder.map(lambda r: response_with_wrong_number(r, name)))
 
 
 @pytest.mark.parametrize("name", RIDE_NUMBERS)
-def test_a_wrong_number_of_a_ride_breaks_a_law(ride, name):
-    assert breaks_a_law(ride.map(lambda r: off(r, name)))
+def test_a_wrong_number_of_a_ride_breaks_a_law(ride_ladder, name):
+    assert breaks_a_law(ride_ladder.map(lambda r: response_with_wrong_number(r, name)))
 
 
-def test_a_coarser_ride_that_ends_earlier_is_held_as_far_as_it_goes(ride):
+def test_a_coarser_ride_that_ends_earlier_is_held_as_far_as_it_goes(ride_ladder):
     def early(r):
         f = r.fields
         last = {x.name: value[:-3] for x in dataclasses.fields(f) if (value := getattr(f, x.name)).shape[0] == f.t.size}
         return replace(r, fields=replace(f, **last))
 
-    shorter = replace(ride, space=replace(ride.space, runs=tuple(map(early, ride.space.runs))))
-    assert all(np.isfinite(h.allowed) for h in held(shorter).values())
+    shorter = replace(ride_ladder, space=replace(ride_ladder.space, runs=tuple(map(early, ride_ladder.space.runs))))
+    assert all(np.isfinite(h.allowed) for h in row_by_law(shorter).values())
 
 
-def test_a_coarser_run_that_does_not_say_what_a_law_asks_for_leaves_no_bar(ride):
-    silent = tuple(replace(r, contact=np.nan * r.contact) for r in ride.time.runs)
-    found = held(replace(ride, time=replace(ride.time, runs=silent)))
+def test_a_coarser_run_that_does_not_say_what_a_law_asks_for_leaves_no_bar(ride_ladder):
+    silent = tuple(replace(r, contact=np.nan * r.contact) for r in ride_ladder.time.runs)
+    found = row_by_law(replace(ride_ladder, time=replace(ride_ladder.time, runs=silent)))
     assert found["momentum of the mass"].allowed == np.inf
     assert np.isfinite(found["travel" if "travel" in found else "drive"].allowed)
 
@@ -252,28 +252,28 @@ def test_a_rider_back_from_a_slack_cable_keeps_its_law():
     r = run(Scene.from_toml(cable + car), "following-p2", elements=6, steps=2000)
     assert r.switched is not None
     assert r.s_o[-1] < 0.95 * r.s_o.max()
-    found = held(alone(r))
+    found = row_by_law(ladder_without_coarser_runs(r))
     assert max(found["strain at the mass"].gap, found["compression"].gap) < 1e-9
-    assert held(alone(replace(r, switched=None)))["strain at the mass"].gap > 1e-3
+    assert row_by_law(ladder_without_coarser_runs(replace(r, switched=None)))["strain at the mass"].gap > 1e-3
 
 
 @pytest.mark.parametrize(("slack", "kept"), [(0.4, True), (0.9, False)])
-def test_energy_is_held_until_the_cable_is_slack(ride, slack, kept):
-    r = ride.finest
+def test_energy_is_held_until_the_cable_is_slack(ride_ladder, slack, kept):
+    r = ride_ladder.finest
     f, half = r.fields, 0.5 * r.t[-1]
     wrong = replace(f, du=f.du * np.where(f.t > half, 1.5, 1.0)[:, None])
     onset = float(np.interp(slack * r.t[-1], r.t, r.s_o)) / r.length
     after = replace(r, fields=wrong, slack_onset=onset, switched=onset)
-    gap, before = (held(alone(x))["energy"].gap for x in (after, r))
+    gap, before = (row_by_law(ladder_without_coarser_runs(x))["energy"].gap for x in (after, r))
     assert (gap <= before) is kept
 
 
-def test_nothing_is_said_of_the_cable_beside_a_car_that_rolls_back_at_once(ride):
+def test_nothing_is_said_of_the_cable_beside_a_car_that_rolls_back_at_once(ride_ladder):
     beside = {"tension up to the mass", "up to the mass"}
-    assert beside <= set(held(ride))
+    assert beside <= set(row_by_law(ride_ladder))
     back = run(Scene.from_toml(ZIP.replace("drop = 15.0", "drop = -90.0")), "following-p2", **RODE)
     assert back.s_o.max() < 1.1 * back.s_o[0]
-    found = held(alone(back))
+    found = row_by_law(ladder_without_coarser_runs(back))
     assert not beside & set(found)
     assert all(np.isfinite(h.gap) for h in found.values())
 
@@ -290,25 +290,25 @@ DRIVES = {
 }  # fmt: skip
 
 
-def claiming(x, text):
+def ladder_claiming_scene(x, text):
     """Return a ladder whose answers are of another scene than they say."""
     toml = Scene.from_toml(text).to_toml()
     return x.map(lambda r: replace(r, scene_toml=toml))
 
 
 @pytest.mark.parametrize("fault", DRIVES)
-def test_a_wrong_drive_of_both_wings_is_seen(ride, fault):
+def test_a_wrong_drive_of_both_wings_is_seen(ride_ladder, fault):
     taken, said = DRIVES[fault]
     assert taken in TOML
-    assert breaks_a_law(claiming(ride, TOML.replace(taken, said)))
+    assert breaks_a_law(ladder_claiming_scene(ride_ladder, TOML.replace(taken, said)))
 
 
-def test_the_judge_reads_the_toml_by_itself(level):
-    given = SceneData(level.finest.scene_toml, level.finest.length)
+def test_the_judge_reads_the_toml_by_itself(level_ladder):
+    given = SceneData(level_ladder.finest.scene_toml, level_ladder.finest.length)
     assert (given.rho, given.mass, given.span) == (1.0, 2002.3720103, 2000.0)
     assert given.prescribed == ("length", 2002.3720103)
     hanging = Catenary.from_length(given.span, given.drop, given.rho * given.gravity, given.prescribed[1])
-    assert hanging.horizontal_tension == pytest.approx(level.finest.horizontal_tension, rel=1e-9)
+    assert hanging.horizontal_tension == pytest.approx(level_ladder.finest.horizontal_tension, rel=1e-9)
 
 
 def test_a_table_is_kept_to_rounding_by_few_steps():
@@ -317,14 +317,14 @@ def test_a_table_is_kept_to_rounding_by_few_steps():
     text = Scene.library_text("tramway").replace("top_speed = 10.0", table)
     scene = Scene.from_toml(text.replace("accelerate_cruise_brake", "table"))
     r = run(scene, "following-p2", elements=4, steps=60)
-    assert held(alone(r), (0.02, 0.9))["travel"].gap < 1e-12
+    assert row_by_law(ladder_without_coarser_runs(r), (0.02, 0.9))["travel"].gap < 1e-12
     wrong = replace(r, scene_toml=r.scene_toml.replace("240.0", "240.001"))
-    assert held(alone(wrong), (0.02, 0.9))["travel"].gap > 1e-7
+    assert row_by_law(ladder_without_coarser_runs(wrong), (0.02, 0.9))["travel"].gap > 1e-7
 
 
 def test_a_law_follows_axial_waves_within_its_windows():
     """A soft rope rings three times in a window: that the weight's moment swings there is no defect."""
     soft = {"cable.EA": 2e7, "cable.length": 2060.0, "supports.drop": 400.0, "travel.speed": 40.0}
-    lively = ladder(Scene.load("level").replace(soft), elements=12, steps=6000, until=0.8)
-    law = held(lively, (0.02, 0.8))["moment of momentum"]
+    lively = run_ladder(Scene.load("level").replace(soft), elements=12, steps=6000, until=0.8)
+    law = row_by_law(lively, (0.02, 0.8))["moment of momentum"]
     assert law.gap < 0.2 * law.allowed

@@ -15,7 +15,7 @@ LEVEL = Scene.load("level")
 WINDOW = measures.WINDOW
 
 
-def full(scene, elements=20, steps=1200):
+def run_full_model(scene, elements=20, steps=1200):
     return run(scene, "following-p2", elements=elements, steps=steps, until=WINDOW[1])
 
 
@@ -48,7 +48,7 @@ def test_models_that_differ_are_seen_to_differ():
 
 
 def test_a_run_that_stops_short_has_no_distance():
-    far = full(LEVEL, elements=6, steps=200)
+    far = run_full_model(LEVEL, elements=6, steps=200)
     short = run(LEVEL, "following-p2", model="string", elements=6, steps=200, until=0.4)
     view = View.of_scene(LEVEL)
     assert set(gaps_by_need(short, far, view).values()) == {np.inf}

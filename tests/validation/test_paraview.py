@@ -14,18 +14,18 @@ INCLINED = Scene.load("inclined")
 
 
 @pytest.fixture(scope="module")
-def response():
+def inclined_response():
     return run(INCLINED, "following-p2", elements=4, steps=120)
 
 
 @pytest.fixture(scope="module")
-def folder(response, tmp_path_factory):
+def paraview_folder(inclined_response, tmp_path_factory):
     folder = tmp_path_factory.mktemp("xdmf")
-    paraview.write_paraview_files(response, folder)
+    paraview.write_paraview_files(inclined_response, folder)
     return folder
 
 
-def frame(file, k):
+def read_frame(file, k):
     """Points, cells, time and point data of a frame."""
     with TimeSeriesReader(file) as reader:
         reader.mesh_grid = reader.collection[k]  # every frame has its own mesh
@@ -34,35 +34,37 @@ def frame(file, k):
         return points, cells[0], t, data
 
 
-def close(a, b):
+def assert_single_precision(a, b):
     """Single precision, of places up to 2000 m and tensions up to 4e5 N."""
     np.testing.assert_allclose(a, b, rtol=3e-7, atol=3e-4)
 
 
 @pytest.mark.parametrize("k", [0, 41, 70])
-def test_the_cable_is_the_response_with_y_up(response, folder, k):
-    f, static = response.fields, INCLINED.catenary
-    points, cells, t, data = frame(folder / paraview.CABLE, k)
+def test_the_cable_is_the_response_with_y_up(inclined_response, paraview_folder, k):
+    f, static = inclined_response.fields, INCLINED.catenary
+    points, cells, t, data = read_frame(paraview_folder / paraview.CABLE, k)
     assert t == f.t[k]
-    close(points[:-2], np.stack([static.x(f.s), -static.y(f.s), 0.0 * f.s], axis=1))
-    close(data["displacement"][:-2], np.stack([f.u[k], -f.v[k], 0.0 * f.s], axis=1))
-    close(data["velocity"][:-2], np.stack([f.du[k], -f.dv[k], 0.0 * f.s], axis=1))
-    close(data["tension"], [*f.T[k], f.T_behind[k], f.T_ahead[k]])
+    assert_single_precision(points[:-2], np.stack([static.x(f.s), -static.y(f.s), 0.0 * f.s], axis=1))
+    assert_single_precision(data["displacement"][:-2], np.stack([f.u[k], -f.v[k], 0.0 * f.s], axis=1))
+    assert_single_precision(data["velocity"][:-2], np.stack([f.du[k], -f.dv[k], 0.0 * f.s], axis=1))
+    assert_single_precision(data["tension"], [*f.T[k], f.T_behind[k], f.T_ahead[k]])
     assert points[100, 1] < 0.0  # hangs below the left support
     assert data["displacement"][2 * (k + 1), 1] < 0.0  # and the mass pulls it down
     assert cells.type == "line"
 
 
 @pytest.mark.parametrize(("k", "beside"), [(0, 0.0), (41, 0.0), (97, 0.0), (41, 0.3)])
-def test_the_lines_run_along_the_cable_and_part_at_the_mass_only(response, folder, tmp_path, k, beside):
+def test_the_lines_run_along_the_cable_and_part_at_the_mass_only(
+    inclined_response, paraview_folder, tmp_path, k, beside
+):
     """Also where the mass is between two stations."""
-    f = response.fields
+    f = inclined_response.fields
     if beside:
-        folder = tmp_path
+        paraview_folder = tmp_path
         f = dataclasses.replace(f, s_o=f.s_o + beside * (f.s[1] - f.s[0]))
-        paraview.write_paraview_files(dataclasses.replace(response, fields=f), folder)
+        paraview.write_paraview_files(dataclasses.replace(inclined_response, fields=f), paraview_folder)
     m = f.s.size
-    _, cells, _, _ = frame(folder / paraview.CABLE, k)
+    _, cells, _, _ = read_frame(paraview_folder / paraview.CABLE, k)
     s = np.append(f.s, [f.s_o[k], f.s_o[k]])
     begin, end = cells.data.T
     assert np.all(s[end] > s[begin] if beside else s[end] >= s[begin])
@@ -73,27 +75,29 @@ def test_the_lines_run_along_the_cable_and_part_at_the_mass_only(response, folde
 
 
 @pytest.mark.parametrize("k", [3, 66])
-def test_the_mass_is_on_the_cable(response, folder, k):
-    f, static = response.fields, INCLINED.catenary
-    points, cells, t, data = frame(folder / paraview.MASS, k)
+def test_the_mass_is_on_the_cable(inclined_response, paraview_folder, k):
+    f, static = inclined_response.fields, INCLINED.catenary
+    points, cells, t, data = read_frame(paraview_folder / paraview.MASS, k)
     assert (t, cells.type, points.shape) == (f.t[k], "vertex", (1, 3))
-    close(points[0], [static.x(f.s_o[k]), -static.y(f.s_o[k]), 0.0])
-    close(data["displacement"][0], [f.mass_u[k], -f.mass_v[k], 0.0])
-    close([data["tension_behind"][0], data["tension_ahead"][0]], [f.T_behind[k], f.T_ahead[k]])
-    on_cable = frame(folder / paraview.CABLE, k)
+    assert_single_precision(points[0], [static.x(f.s_o[k]), -static.y(f.s_o[k]), 0.0])
+    assert_single_precision(data["displacement"][0], [f.mass_u[k], -f.mass_v[k], 0.0])
+    assert_single_precision([data["tension_behind"][0], data["tension_ahead"][0]], [f.T_behind[k], f.T_ahead[k]])
+    on_cable = read_frame(paraview_folder / paraview.CABLE, k)
     np.testing.assert_array_equal(on_cable[0][-2:], np.repeat(points, 2, axis=0))
     np.testing.assert_array_equal(on_cable[3]["displacement"][-2:], np.repeat(data["displacement"], 2, axis=0))
 
 
-def test_all_frames_are_there_in_three_files(response, folder):
+def test_all_frames_are_there_in_three_files(inclined_response, paraview_folder):
     for name in (paraview.CABLE, paraview.MASS):
-        with TimeSeriesReader(folder / name) as reader:
-            assert reader.num_steps == response.fields.t.size >= 98  # the last step is at 0.983
-    assert sorted(file.name for file in folder.iterdir()) == [paraview.MASS, "response.h5", paraview.CABLE]
+        with TimeSeriesReader(paraview_folder / name) as reader:
+            assert reader.num_steps == inclined_response.fields.t.size >= 98  # the last step is at 0.983
+    assert sorted(file.name for file in paraview_folder.iterdir()) == [paraview.MASS, "response.h5", paraview.CABLE]
 
 
-def test_a_run_that_broke_at_once_still_gives_files(response, tmp_path):
-    f = response.fields
+def test_a_run_that_broke_at_once_still_gives_files(inclined_response, tmp_path):
+    f = inclined_response.fields
     none = {x.name: getattr(f, x.name)[:0] for x in dataclasses.fields(f) if x.name != "s"}
-    paraview.write_paraview_files(dataclasses.replace(response, fields=dataclasses.replace(f, **none)), tmp_path)
+    paraview.write_paraview_files(
+        dataclasses.replace(inclined_response, fields=dataclasses.replace(f, **none)), tmp_path
+    )
     assert (tmp_path / paraview.CABLE).exists()

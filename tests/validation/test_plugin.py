@@ -68,15 +68,15 @@ def test_ours_alone(cable_check):
 
 
 @pytest.fixture
-def outcome(pytester):
+def plugin_outcome(pytester):
     pytester.makepyfile(TESTS)
     pytester.makeini("[pytest]\nfilterwarnings = error")
     return pytester.runpytest(*PLUGIN)
 
 
-def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(outcome):
-    outcome.assert_outcomes(passed=3, failed=3)
-    outcome.stdout.fnmatch_lines([
+def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(plugin_outcome):
+    plugin_outcome.assert_outcomes(passed=3, failed=3)
+    plugin_outcome.stdout.fnmatch_lines([
         "*wrong and following-p2 disagree",
         "*path_max: gap 0.*, allowed 0.01, largest at s_o/l = 0.*; asked for: path 0.01*",
         "*level: disagree",
@@ -84,9 +84,9 @@ def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(ou
         "*= agreement of cable solvers =*",
     ])  # fmt: skip
     for file in ("assertions.py", "foreign.py", "study.py", "testing.py"):
-        assert file not in outcome.stdout.str(), "frames of the library are hidden"
-    assert "nan: v[0] is not a finite number" in outcome.stdout.str()
-    told = outcome.stdout.str().partition("= agreement of cable solvers =")[2].splitlines()
+        assert file not in plugin_outcome.stdout.str(), "frames of the library are hidden"
+    assert "nan: v[0] is not a finite number" in plugin_outcome.stdout.str()
+    told = plugin_outcome.stdout.str().partition("= agreement of cable solvers =")[2].splitlines()
     lines = {line.rpartition("::")[2].rstrip(")"): line for line in told if "::" in line and " (" in line}
     assert lines["test_right"].startswith("agree          right and following-p2: path_max ")
     assert lines["test_wrong"].startswith("disagree       wrong and following-p2: path_max: gap 0.")

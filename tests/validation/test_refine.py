@@ -28,7 +28,7 @@ WINDOW = (0.02, 0.8)
 
 
 @pytest.fixture(scope="module")
-def sure():
+def converged_runs():
     return {
         s.name: run(s, "following-p4", elements=16, steps=600, scheme="radau", until=0.8) for s in (LEVEL, INCLINED)
     }
@@ -36,18 +36,18 @@ def sure():
 
 @pytest.mark.parametrize("tol", [1.3e-2, 1.1e-3])
 @pytest.mark.parametrize("scene", [LEVEL, INCLINED], ids=["level", "inclined"])
-def test_the_true_error_is_within_the_bar_and_the_bar_within_the_tolerance(scene, tol, sure):
+def test_the_true_error_is_within_the_bar_and_the_bar_within_the_tolerance(scene, tol, converged_runs):
     ladder = refine_to_tolerance(scene, "following-p2", tol, until=0.8)
     r = ladder.finest
-    assert measures.relative_path_gap(r, sure[scene.name], WINDOW).largest <= r.path_error <= tol
-    assert measures.rms_tension_gap(r, sure[scene.name], WINDOW) <= r.tension_error
+    assert measures.relative_path_gap(r, converged_runs[scene.name], WINDOW).largest <= r.path_error <= tol
+    assert measures.rms_tension_gap(r, converged_runs[scene.name], WINDOW) <= r.tension_error
     assert all(x.reached < 0.86 for x in ladder.runs)
     assert r.path_error == pytest.approx(r.error_parts["path_space"] + r.error_parts["path_time"])
 
 
-def test_the_galerkin_side_meets_a_tolerance_too(sure):
+def test_the_galerkin_side_meets_a_tolerance_too(converged_runs):
     r = refine_to_tolerance(LEVEL, "fourier-kink", 1.3e-2, until=0.8).finest
-    assert measures.relative_path_gap(r, sure["level"], WINDOW).largest <= r.path_error <= 1.3e-2
+    assert measures.relative_path_gap(r, converged_runs["level"], WINDOW).largest <= r.path_error <= 1.3e-2
 
 
 def test_a_ladder_has_half_and_quarter_of_space_and_of_steps():
@@ -178,7 +178,7 @@ def test_the_largest_deflection_of_a_slack_cable_is_that_before_it_flings_the_ma
 
 
 @cache
-def deflected():
+def inclined_run():
     return run(INCLINED, "following-p2", elements=4, steps=60)
 
 
@@ -188,7 +188,7 @@ def deflected():
     drive=st.sampled_from(["grip", "haul", "free"]),
 )  # fmt: skip
 def test_there_is_a_largest_deflection_wherever_a_car_starts_and_the_cable_falls_slack(start, turns, onset, drive):
-    r = deflected()
+    r = inclined_run()
     place = np.linspace(start, 0.2 * start if turns else 1.0, r.t.size) * r.length
     most = replace(r, s_o=place, slack_onset=onset, drive=drive).max_deflection
     assert r.v[0] <= most <= r.v.max()

@@ -25,20 +25,20 @@ RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, fo
 
 
 @cache
-def pair():
+def ride_answers():
     return (
         run_with_error_bars(RIDE, "following-p2", elements=10, steps=300),
         run_with_error_bars(RIDE, "fourier-kink", terms=12, steps=300),
     )
 
 
-def rows(found):
+def rows_by_name(found):
     return {(row.quantity, row.law): row for row in found}
 
 
-def between(a, b):
+def rows_between_answers(a, b):
     """Rows of both answers, without laws."""
-    return rows(compare_answers(RIDE, a, b, partial(tolerance_of_kind, tol=DEFAULT_TOL, tol_tension=None)))
+    return rows_by_name(compare_answers(RIDE, a, b, partial(tolerance_of_kind, tol=DEFAULT_TOL, tol_tension=None)))
 
 
 def test_sines_tell_by_how_much_they_miss_the_start_of_a_car_close_to_its_support():
@@ -57,7 +57,7 @@ def test_sines_tell_by_how_much_they_miss_the_start_of_a_car_close_to_its_suppor
 
 
 def test_both_wings_ride_alike_and_keep_the_laws():
-    found = rows(compare(RIDE, *pair()))
+    found = rows_by_name(compare(RIDE, *ride_answers()))
     asked = {key: row for key, row in found.items() if row.decides}
     assert worst_deciding_verdict(list(found.values())) is Verdict.AGREE, [
         (key, row.gap, row.allowed) for key, row in asked.items() if row.verdict is not Verdict.AGREE
@@ -70,7 +70,7 @@ def test_both_wings_ride_alike_and_keep_the_laws():
     }  # fmt: skip
 
 
-def event(r, name, **changes):
+def events_with_change(r, name, **changes):
     return [x | changes if x["event"] == name else x for x in r.events]
 
 
@@ -79,7 +79,8 @@ FAULTS = {
     "speed 2 % off": (lambda r: replace(r, velocity=1.02 * r.velocity), ("speed", AXIAL_MEAN)),
     "contact 5 % off": (lambda r: replace(r, contact=1.05 * r.contact), ("contact", AXIAL_MEAN)),
     "arrival a second late": (
-        lambda r: replace(r, events=event(r, "arrival", t=r.events[-1]["t"] + 1.0)), ("events", "arrival: time"),
+        lambda r: replace(r, events=events_with_change(r, "arrival", t=r.events[-1]["t"] + 1.0)),
+        ("events", "arrival: time"),
     ),
     "no brake": (
         lambda r: replace(r, events=[x for x in r.events if x["event"] != "brake"]), ("events", "brake"),
@@ -90,16 +91,16 @@ FAULTS = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_of_one_wing_turns_its_row(fault):
     change, row = FAULTS[fault]
-    a, b = pair()
-    assert between(a, b.map(change))[row].verdict is Verdict.DISAGREE
+    a, b = ride_answers()
+    assert rows_between_answers(a, b.map(change))[row].verdict is Verdict.DISAGREE
 
 
 def test_an_event_that_not_all_coarser_runs_tell_is_too_coarse():
-    a, b = pair()
-    early = replace(b.space, runs=tuple(replace(r, events=event(r, "none")[:1]) for r in b.space.runs))
+    a, b = ride_answers()
+    early = replace(b.space, runs=tuple(replace(r, events=events_with_change(r, "none")[:1]) for r in b.space.runs))
     late = a.map(lambda r: replace(r, events=[x for x in r.events if x["event"] != "arrival"]))
-    assert between(late, b)[("events", "arrival")].verdict is Verdict.DISAGREE
-    assert between(late, replace(b, space=early))[("events", "arrival")].verdict is Verdict.TOO_COARSE
+    assert rows_between_answers(late, b)[("events", "arrival")].verdict is Verdict.DISAGREE
+    assert rows_between_answers(late, replace(b, space=early))[("events", "arrival")].verdict is Verdict.TOO_COARSE
 
 
 @pytest.mark.parametrize(("wrong_from", "verdict"), [(0.9, Verdict.AGREE), (0.5, Verdict.DISAGREE)])
@@ -109,13 +110,13 @@ def test_speed_is_compared_until_a_lasting_stop(wrong_from, verdict):
         late = r.t[:, None] > wrong_from * r.t[-1]
         return replace(r, events=[*r.events, stop], velocity=np.where(late, factor, 1.0) * r.velocity)
 
-    a, b = pair()
+    a, b = ride_answers()
     a, b = a.map(lambda r: stopped(r, 1.02)), b.map(lambda r: stopped(r, 1.0))
-    assert between(a, b)[("speed", AXIAL_MEAN)].verdict is verdict
+    assert rows_between_answers(a, b)[("speed", AXIAL_MEAN)].verdict is verdict
 
 
 def test_events_have_bars():
-    a, b = pair()
+    a, b = ride_answers()
     told = {x["event"]: x for x in events_with_bars(a)}
     for name in ("brake", "arrival"):
         assert 0.0 < told[name]["bar_t"] < 0.05
@@ -129,7 +130,7 @@ def test_events_after_the_first_of_their_kind_have_bars_where_coarser_runs_have_
         return replace(r, events=[{"event": "turn", "t": t, "s_o": 20.0, "speed": 0.0} for t in times])
 
     def told(*times):
-        e = pair()[0].map(lambda r: turning(r, 1.0, 3.0))
+        e = ride_answers()[0].map(lambda r: turning(r, 1.0, 3.0))
         space = replace(e.space, runs=(turning(e.space.runs[0], *times), *e.space.runs[1:]))
         return [x["bar_t"] for x in events_with_bars(replace(e, space=space))]
 
@@ -140,8 +141,8 @@ def test_events_after_the_first_of_their_kind_have_bars_where_coarser_runs_have_
 
 def test_bars_of_events_are_at_least_the_gap_to_the_other_solver():
     """An arrival was printed as +- 0.0001 s where the other solver had it a second later."""
-    a, b = pair()
-    late = b.map(lambda r: replace(r, events=event(r, "arrival", t=r.events[-1]["t"] + 1.0)))
+    a, b = ride_answers()
+    late = b.map(lambda r: replace(r, events=events_with_change(r, "arrival", t=r.events[-1]["t"] + 1.0)))
     own = events_with_bars(a)
     other = events_with_bars(late)
     for events, others in ((own, other), (other, own)):

@@ -12,7 +12,7 @@ from validation.core.sidebyside import do_in_background, map_in_parallel, run_in
 forks = pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="nothing can be forked")
 
 
-def job(name):
+def job_named(name):
     def work(report):
         report(name, 0.5)
         return name, os.getpid()
@@ -24,7 +24,7 @@ def job(name):
 def test_results_come_in_order_and_progress_is_passed_on(monkeypatch, cores):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)), raising=False)
     told = []
-    names, pids = zip(*run_in_parallel([job("a"), job("b")], lambda *x: told.append(x)), strict=True)
+    names, pids = zip(*run_in_parallel([job_named("a"), job_named("b")], lambda *x: told.append(x)), strict=True)
     assert names == ("a", "b")
     assert sorted(told) == [("a", 0.5), ("b", 0.5)]
     assert (pids == (os.getpid(), os.getpid())) == (cores == 1 or not sidebyside._can_fork())
@@ -36,10 +36,10 @@ def test_every_item_is_worked_on_once_and_told_as_it_is_done(monkeypatch, cores)
     told = []
     map_in_parallel(lambda x: 10 * x, [3, 1, 2], lambda i, result: told.append((i, result)))
     assert sorted(told) == [(0, 30), (1, 10), (2, 20)]
-    map_in_parallel(fails, [], lambda *what: told.append(what))
+    map_in_parallel(failing_job, [], lambda *what: told.append(what))
     assert len(told) == 3
     with pytest.raises(ValueError, match="on purpose"):
-        map_in_parallel(fails, [1, 2], lambda *what: told.append(what))
+        map_in_parallel(failing_job, [1, 2], lambda *what: told.append(what))
 
 
 @forks
@@ -56,14 +56,14 @@ def test_a_forked_process_forks_no_further(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
     told = []
     map_in_parallel(
-        lambda x: (os.getpid(), [pid for _, pid in run_in_parallel([job(x), job(x)])]),
+        lambda x: (os.getpid(), [pid for _, pid in run_in_parallel([job_named(x), job_named(x)])]),
         [1, 2],
         lambda i, r: told.append(r),
     )
     assert all(mine != os.getpid() and within == [mine, mine] for mine, within in told)
 
 
-def fails(report):
+def failing_job(report):
     raise ValueError("on purpose")
 
 
@@ -72,21 +72,21 @@ class Odd(RuntimeError):
         super().__init__(one)
 
 
-def fails_oddly(report):
+def job_with_odd_failure(report):
     raise Odd("cannot be pickled", 2)
 
 
-@pytest.mark.parametrize(("work", "kind"), [(fails, ValueError), (fails_oddly, RuntimeError)])
+@pytest.mark.parametrize(("work", "kind"), [(failing_job, ValueError), (job_with_odd_failure, RuntimeError)])
 def test_an_exception_is_raised_where_the_results_were_wanted(work, kind):
     with pytest.raises(kind, match=r"on purpose|could not answer|cannot be pickled"):
-        run_in_parallel([job("a"), work])
+        run_in_parallel([job_named("a"), work])
 
 
 @forks
 def test_a_process_that_is_killed_is_an_error_and_nothing_hangs(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
     with pytest.raises(RuntimeError, match="was killed"):
-        run_in_parallel([job("a"), lambda report: os.kill(os.getpid(), signal.SIGKILL)])
+        run_in_parallel([job_named("a"), lambda report: os.kill(os.getpid(), signal.SIGKILL)])
 
 
 @pytest.mark.parametrize("cores", [1, 2])
@@ -95,7 +95,7 @@ def test_work_done_aside_is_done_at_the_end_and_says_why_not(monkeypatch, tmp_pa
     with do_in_background(lambda: (tmp_path / "file").write_text("there")):
         pass
     assert (tmp_path / "file").read_text() == "there"
-    with pytest.raises(ValueError, match="on purpose"), do_in_background(lambda: fails(None)):
+    with pytest.raises(ValueError, match="on purpose"), do_in_background(lambda: failing_job(None)):
         pass
     with pytest.raises(KeyError), do_in_background(lambda: None):
         raise KeyError

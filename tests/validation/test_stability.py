@@ -32,7 +32,7 @@ LIGHT = LEVEL.variant(mu=0.01)
 
 
 @cache
-def level(method: str, resolution: int, steps: int) -> Response:
+def level_run(method: str, resolution: int, steps: int) -> Response:
     return run(LEVEL, method, **{METHODS[method].resolution.setting: resolution, "steps": steps})
 
 
@@ -42,7 +42,7 @@ FAR = [("following-p2", 10, 1000), ("following-p2", 20, 2000), ("fourier-kink", 
 
 @pytest.mark.parametrize("case", FAR)
 def test_level_reaches_the_far_support_and_finds_the_onset(case):
-    r = level(*case)
+    r = level_run(*case)
     assert r.reached >= 0.995
     # 0.831 for undamped elements; the sines agree because ripples are averaged away
     assert abs(r.slack_onset - 0.831) < 0.003
@@ -51,7 +51,7 @@ def test_level_reaches_the_far_support_and_finds_the_onset(case):
 
 
 def test_paths_agree_after_the_onset_and_one_that_is_off_there_is_seen():
-    runs = [level(*case) for case in FAR]
+    runs = [level_run(*case) for case in FAR]
     assert max(max_path_gap_past_slack(a, b, 0.95) for a, b in combinations(runs, 2)) < 0.02
     a, b = runs[:2]
     shifted = replace(b, v=b.v + 0.05 * b.max_deflection * (b.s_o > 0.9 * b.length))
@@ -77,7 +77,7 @@ def test_an_elastic_run_is_not_switched_and_a_tension_only_one_reports_its_onset
 
 
 # --- start and exit ---------------------------------------------------------------------------------------------------
-def path_at(r: Response, places) -> np.ndarray:
+def displacements_at(r: Response, places) -> np.ndarray:
     return np.stack([np.interp(places, r.s_o / r.length, x) for x in (r.u, r.v)])
 
 
@@ -87,7 +87,7 @@ def test_a_light_mass_starts_right_with_graded_elements_and_steps_and_not_withou
     places = [0.02, 0.05]
 
     def error(**settings) -> float:
-        gap = path_at(run(LIGHT, "following-p2", **settings), places) - path_at(reference, places)
+        gap = displacements_at(run(LIGHT, "following-p2", **settings), places) - displacements_at(reference, places)
         return float(np.hypot(*gap).max() / reference.max_deflection)
 
     assert error(elements=10, steps=600, **own) < 1e-3
@@ -95,7 +95,7 @@ def test_a_light_mass_starts_right_with_graded_elements_and_steps_and_not_withou
 
 
 def test_the_convergence_limit_is_where_gaps_stop_closing():
-    runs = [level("fourier-kink", n, 40 * n) for n in (8, 16, 32)]
+    runs = [level_run("fourier-kink", n, 40 * n) for n in (8, 16, 32)]
     limit = convergence_limit(runs)
     assert 0.80 < limit < runs[-1].reached
     # twin: noise on the finest from 0.5 on ends the answer there, to a stretch of 0.02
@@ -108,7 +108,7 @@ def test_the_convergence_limit_is_where_gaps_stop_closing():
 
 # --- energy and failures ----------------------------------------------------------------------------------------------
 def test_a_run_that_gains_energy_is_flagged_in_its_summary_and_a_sound_one_is_not():
-    sound = level("following-p2", 10, 1000).summary()
+    sound = level_run("following-p2", 10, 1000).summary()
     assert sound["flags"] == []
     assert sound["energy_gain"] < 0.01
     r = run(LEVEL, "fixed-p1-path", scheme="trapezoidal", law="elastic", elements=20, steps=500)
@@ -215,7 +215,7 @@ SMALL = [{
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory):
+def small_atlas_folder(tmp_path_factory):
     """The folder of an atlas, at first interrupted."""
     folder = tmp_path_factory.mktemp("atlas")
 
@@ -235,8 +235,8 @@ def small(tmp_path_factory):
     return folder, first
 
 
-def test_an_interrupted_atlas_goes_on_and_loses_nothing(small):
-    folder, first = small
+def test_an_interrupted_atlas_goes_on_and_loses_nothing(small_atlas_folder):
+    folder, first = small_atlas_folder
     assert 1 <= first.count('"speed-mass') < 4
     assert (folder / CELLS).read_text().startswith(first)
     result = json.loads((folder / "atlas.json").read_text())
@@ -245,8 +245,8 @@ def test_an_interrupted_atlas_goes_on_and_loses_nothing(small):
     assert {cell["cause"] for cell in result["cells"]} <= {None, *pages.CAUSES}
 
 
-def test_a_map_tells_computed_cells_from_uncomputed_ones(small, tmp_path):
-    folder, _ = small
+def test_a_map_tells_computed_cells_from_uncomputed_ones(small_atlas_folder, tmp_path):
+    folder, _ = small_atlas_folder
     result = json.loads((folder / "atlas.json").read_text())
     found = pages.sections(folder)
     assert "4 of 4 cells" in found[0].summary
@@ -265,11 +265,11 @@ def test_a_remedy_that_does_not_help_makes_the_atlas_red(tmp_path):
 
 
 def test_cells_are_judged_by_their_error_and_only_against_a_sure_reference():
-    fine = level("following-p2", 20, 2000)
-    assert judged_cell(level("following-p2", 10, 1000), fine, 1e-4)["class"] == "good"
+    fine = level_run("following-p2", 20, 2000)
+    assert judged_cell(level_run("following-p2", 10, 1000), fine, 1e-4)["class"] == "good"
     naive = judged_cell(run(LEVEL, "fixed-p1-naive", elements=20, steps=300), fine, 1e-4)
     assert (naive["class"], naive["cause"]) == ("wrong", "too coarse")
-    assert judged_cell(level("following-p2", 10, 1000), fine, 0.03)["class"] == "not judged"
+    assert judged_cell(level_run("following-p2", 10, 1000), fine, 0.03)["class"] == "not judged"
     broken = run(LEVEL, "fourier", terms=12, steps=300, scheme="central-difference")
     assert (broken.status, broken.cause, broken.switched) == ("incomplete", "unstable", None)
     assert judged_cell(broken, fine, 1e-4)["class"] == "wrong"

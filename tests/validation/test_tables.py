@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from tests.validation.tables import PLACES, TABLES, Path101, Track, nearby, read_table, to_the_end
+from tests.validation.tables import PLACES, TABLES, Path101, Track, largest_nearby, read_table, view_to_slack_onset
 from validation.core.refine import run_with_error_bars
 from validation.core.running import run
 
@@ -17,7 +17,7 @@ CHEAP = {
 }
 
 
-def filling(found: Path101, table: Path101) -> float:
+def used_share_of_bars(found: Path101, table: Path101) -> float:
     """Return the largest part of what is allowed that a run's distance from a table takes."""
     part = found.track.gap(table.track)[0] / (found.bar[0] + table.bar[0])
     return float(np.nanmax(part[(PLACES > 0.0) & (0.9 * table.reaches >= PLACES)]))
@@ -31,12 +31,12 @@ def test_cheap_runs_lie_within_their_own_bar_of_the_shipped_table(file, method):
     toml, table = read_table(file)
     scene = Scene.from_toml(toml)
     assert scene.to_toml() == toml
-    found = Path101.of(run_with_error_bars(scene, method, **to_the_end(scene), **CHEAP[method]))
-    assert filling(found, table) <= 1.0
+    found = Path101.of(run_with_error_bars(scene, method, **view_to_slack_onset(scene), **CHEAP[method]))
+    assert used_share_of_bars(found, table) <= 1.0
     # twin: the same table of a mass that came a little later
     widest = np.nanmax(found.bar[0, 0.9 * table.reaches >= PLACES])
     late = dataclasses.replace(table.track, place=table.track.place + np.array([0.0, 2.5 * widest]))
-    assert filling(found, dataclasses.replace(table, track=late)) > 1.0
+    assert used_share_of_bars(found, dataclasses.replace(table, track=late)) > 1.0
 
 
 @pytest.mark.parametrize("file", TABLES, ids=lambda file: file.stem)
@@ -77,6 +77,6 @@ def test_passages_are_those_of_the_run_and_end_where_the_cable_goes_slack():
 def test_gaps_nearby_count_and_places_without_one_have_none():
     gap = np.zeros((1, 20))
     gap[0, 10], gap[0, 0] = 3.0, math.nan
-    (wide,) = nearby(gap)
+    (wide,) = largest_nearby(gap)
     assert math.isnan(wide[0])
     assert np.array_equal(np.flatnonzero(wide > 0.0), np.arange(5, 16))

@@ -15,7 +15,7 @@ from validation.core.view import View
 TABLE = {"kind": "table", "times": [0.0, 4.0, 8.0], "positions": [0.0, 60.0, 100.0]}
 
 
-def ran(**changes: Any) -> Any:
+def run_with(**changes: Any) -> Any:
     told = {"method": "one", "drive": "grip", "t": [0.0, 9.0], "reached": 1.0, "slack_onset": None}
     told |= {"status": "complete"} | changes
     onset = told["slack_onset"]
@@ -37,17 +37,19 @@ def test_a_travel_that_ends_in_mid_span_is_compared_to_its_end() -> None:
 
 def test_windows_are_cut_where_a_run_ends_or_is_slack() -> None:
     view = View.of_scene(Scene.load("level"))
-    assert view.cut_to_valid_range(ran(), ran(slack_onset=0.5)).window == (0.02, 0.5)
-    assert view.cut_to_valid_range(ran(reached=0.999), ran()).window == (0.02, 0.80)
+    assert view.cut_to_valid_range(run_with(), run_with(slack_onset=0.5)).window == (0.02, 0.5)
+    assert view.cut_to_valid_range(run_with(reached=0.999), run_with()).window == (0.02, 0.80)
     with pytest.raises(NotComparable, match="two ends"):
-        view.cut_to_valid_range(ran(), ran(method="two", reached=0.01))
-    ride = View.of_scene(Scene.load("zipline")).cut_to_valid_range(ran(drive="free"), ran(drive="free", t=[0.0, 8.5]))
+        view.cut_to_valid_range(run_with(), run_with(method="two", reached=0.01))
+    ride = View.of_scene(Scene.load("zipline")).cut_to_valid_range(
+        run_with(drive="free"), run_with(drive="free", t=[0.0, 8.5])
+    )
     assert ride.until == 8.5
-    assert ride.is_reached_by(ran(t=[0.0, 8.4]))
-    assert not ride.is_reached_by(ran(t=[0.0, 8.4], status="incomplete"))
+    assert ride.is_reached_by(run_with(t=[0.0, 8.4]))
+    assert not ride.is_reached_by(run_with(t=[0.0, 8.4], status="incomplete"))
 
 
 def test_a_coarser_run_that_ends_early_covers_nothing() -> None:
     view = dataclasses.replace(View.of_scene(Scene.load("level")), window=(0.02, 0.6))
-    assert view.is_reached_by(ran(reached=0.61))
-    assert not view.is_reached_by(ran(reached=0.59))
+    assert view.is_reached_by(run_with(reached=0.61))
+    assert not view.is_reached_by(run_with(reached=0.59))

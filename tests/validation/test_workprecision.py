@@ -32,7 +32,7 @@ def test_every_method_model_and_scheme_is_charted_and_nothing_else():
     assert schemes == {"newmark", "generalized-alpha", "radau", "gauss"}
 
 
-def echo(groups, elements):
+def peer_echoing_ours(groups, elements):
     """Another code's path: ours."""
     r = run(LEVEL, "following-p2", elements=elements, steps=200, until=0.8)
     return PeerPath(r.s_o / r.length, r.u / r.length, r.v / r.length, r.t / LEVEL.time_scale, 1e-3, "")
@@ -40,7 +40,7 @@ def echo(groups, elements):
 
 # --- a small chart ----------------------------------------------------------------------------------------------------
 @pytest.fixture(scope="module")
-def small(tmp_path_factory):
+def small_chart(tmp_path_factory):
     """A chart of two methods and some of the rest, one repeat."""
     out = tmp_path_factory.mktemp("chart")
     with pytest.MonkeyPatch.context() as patch:
@@ -48,7 +48,7 @@ def small(tmp_path_factory):
         names = ("following-p2", "fixed-p1-naive", "model string", *PEERS)
         waiting = f"following-p2 --tol{study.FULL_PROGRAM}"
         names = (*names, "following-p2 --tol", waiting, "echo")
-        patch.setattr(study, "PEERS", {"echo": Peer("math", echo, ({"elements": 6},)), **PEERS})
+        patch.setattr(study, "PEERS", {"echo": Peer("math", peer_echoing_ours, ({"elements": 6},)), **PEERS})
 
         def few(groups):
             failing = tuple({"elements": 6, "steps": steps, "scheme": "central-difference"} for steps in (50, 100))
@@ -71,13 +71,13 @@ def small(tmp_path_factory):
     return out, found, again, labels, runs
 
 
-def rows_of(found, name):
+def rows_of_series(found, name):
     return [r for r in found["rows"] if r["series"] == name]
 
 
-def test_a_row_holds_errors_work_and_time(small):
-    _, found, _, _, _ = small
-    rows = rows_of(found, "following-p2")
+def test_a_row_holds_errors_work_and_time(small_chart):
+    _, found, _, _, _ = small_chart
+    rows = rows_of_series(found, "following-p2")
     assert [r["status"] for r in rows] == ["ok"] * 3
     assert rows[-1]["path_error"] < rows[0]["path_error"] < 0.05
     assert rows[-1]["tension_error"] < rows[0]["tension_error"]
@@ -90,52 +90,52 @@ def test_a_row_holds_errors_work_and_time(small):
         assert 0.8 <= r["reached"] < 0.85
 
 
-def test_an_error_is_that_of_the_same_run_against_the_same_reference(small):
-    rows = rows_of(small[1], "following-p2")
+def test_an_error_is_that_of_the_same_run_against_the_same_reference(small_chart):
+    rows = rows_of_series(small_chart[1], "following-p2")
     truth = run(LEVEL, "following-p4", **REFERENCE, until=0.8)
     again = run(LEVEL, "following-p2", until=0.8, **rows[0]["settings"])
     assert rows[0]["path_error"] == measures.relative_path_gap(again, truth, (0.02, 0.8)).largest
 
 
-def test_wrong_methods_and_cheap_models_stay_on_show(small):
-    _, found, _, _, _ = small
-    naive = rows_of(found, "fixed-p1-naive")
+def test_wrong_methods_and_cheap_models_stay_on_show(small_chart):
+    _, found, _, _, _ = small_chart
+    naive = rows_of_series(found, "fixed-p1-naive")
     assert {r["status"] for r in naive} == {"ok"}
     assert min(r["path_error"] for r in naive) > 0.1
-    assert all(r["path_error"] > 1.0 for r in rows_of(found, "model string"))
+    assert all(r["path_error"] > 1.0 for r in rows_of_series(found, "model string"))
 
 
-def test_failures_have_reasons(small):
-    _, found, _, _, _ = small
-    failed = rows_of(found, "scheme central-difference")
+def test_failures_have_reasons(small_chart):
+    _, found, _, _, _ = small_chart
+    failed = rows_of_series(found, "scheme central-difference")
     assert {r["status"] for r in failed} == {"failed"}
     assert all(len(r["reason"]) > 20 for r in failed)
     for name in PEERS:
-        (row,) = rows_of(found, name)
+        (row,) = rows_of_series(found, name)
         assert (row["status"], row["reason"]) == ("not installed", "not installed")
 
 
-def test_a_tolerance_is_a_row_with_its_bar_and_all_its_seconds(small):
-    for row in rows_of(small[1], "following-p2 --tol"):
+def test_a_tolerance_is_a_row_with_its_bar_and_all_its_seconds(small_chart):
+    for row in rows_of_series(small_chart[1], "following-p2 --tol"):
         assert row["path_error"] <= row["bar"] <= row["settings"]["tol"]
         assert row["chosen"]["elements"] >= 6
         assert row["seconds"] > 0.0
 
 
-def test_what_a_user_waits_for_is_the_whole_command(small):
-    (row,) = rows_of(small[1], f"following-p2 --tol{study.FULL_PROGRAM}")
-    (quick,) = rows_of(small[1], "following-p2 --tol")
+def test_what_a_user_waits_for_is_the_whole_command(small_chart):
+    (row,) = rows_of_series(small_chart[1], f"following-p2 --tol{study.FULL_PROGRAM}")
+    (quick,) = rows_of_series(small_chart[1], "following-p2 --tol")
     assert row["settings"] == quick["settings"]
     assert row["path_error"] <= row["bar"] <= row["settings"]["tol"]
     assert (row["kind"], row["chosen"]) == ("waiting", quick["chosen"])
-    (march,) = rows_of(small[1], "echo")
-    (whole,) = rows_of(small[1], f"echo{study.FULL_PROGRAM}")
+    (march,) = rows_of_series(small_chart[1], "echo")
+    (whole,) = rows_of_series(small_chart[1], f"echo{study.FULL_PROGRAM}")
     assert (whole["kind"], whole["path_error"]) == ("waiting", march["path_error"])
     assert whole["seconds"] == march["wait"]
 
 
-def test_what_is_stored_is_what_was_found_and_a_second_call_measures_nothing_anew(small):
-    out, found, again, labels, runs = small
+def test_what_is_stored_is_what_was_found_and_a_second_call_measures_nothing_anew(small_chart):
+    out, found, again, labels, runs = small_chart
     stored = json.loads((out / "chart.json").read_text())
     assert stored["rows"] == again["rows"]
     assert [r["seconds"] for r in again["rows"]] == [r["seconds"] for r in found["rows"]]
@@ -144,20 +144,20 @@ def test_what_is_stored_is_what_was_found_and_a_second_call_measures_nothing_ane
     assert [x for _, x in labels] == sorted(x for _, x in labels)
 
 
-def test_another_scene_is_not_gone_on_with(small, tmp_path):
-    stored = (small[0] / "chart.json").read_text()
+def test_another_scene_is_not_gone_on_with(small_chart, tmp_path):
+    stored = (small_chart[0] / "chart.json").read_text()
     (tmp_path / "chart.json").write_text(stored)
     assert store.read_json_with_entries(tmp_path / "chart.json", scene_toml=LEVEL.to_toml())["rows"]
     assert store.read_json_with_entries(tmp_path / "chart.json", scene_toml=Scene.load("inclined").to_toml()) == {}
 
 
 @pytest.mark.slow  # many figures
-def test_pages_are_drawn_without_a_solver(small, monkeypatch):
+def test_pages_are_drawn_without_a_solver(small_chart, monkeypatch):
     def never(*a, **k):
         raise AssertionError("a page called a solver")
 
     monkeypatch.setattr("cablefem.newmark.integrate", never)
-    sections = {s.id: s for s in pages.sections(small[0])}
+    sections = {s.id: s for s in pages.sections(small_chart[0])}
     assert list(sections) == [
         "chart-fastest", "chart-path", "chart-tension", "chart-work", "chart-failed", "chart-cost",
     ]  # fmt: skip
@@ -169,26 +169,26 @@ def test_pages_are_drawn_without_a_solver(small, monkeypatch):
 
 
 # --- what is read off -------------------------------------------------------------------------------------------------
-def rows_at(points, series="a", kind="method", status="ok"):
+def chart_rows(points, series="a", kind="method", status="ok"):
     row = {"series": series, "kind": kind, "model": "full", "status": status, "reason": "r"}
     return [row | {"seconds": s, "path_error": e, "tension_error": 0.1 * e} for s, e in points]
 
 
 def test_seconds_at_an_error_follow_the_power_law_between_the_best_dots():
-    rows = rows_at([(0.3, 1e-1), (3.0, 1e-3), (1.0, 0.5)])  # error ~ seconds^-2, and one dot that is no use
+    rows = chart_rows([(0.3, 1e-1), (3.0, 1e-3), (1.0, 0.5)])  # error ~ seconds^-2, and one dot that is no use
     assert front.seconds_at_error(rows, 1e-2) == pytest.approx(0.3 * math.sqrt(10.0), rel=1e-12)
     assert front.seconds_at_error(rows, 1e-4) is None
     assert front.seconds_at_error(rows, 0.4) == 0.3
-    assert front.seconds_at_error(rows_at([(1.0, 1e-3)], status="failed"), 1e-2) is None
+    assert front.seconds_at_error(chart_rows([(1.0, 1e-3)], status="failed"), 1e-2) is None
 
 
 def test_the_front_holds_what_nothing_else_beats():
-    rows = rows_at([(1.0, 1e-1), (2.0, 2e-1), (3.0, 1e-2), (3.0, 5e-2)]) + rows_at([(0.5, 1e-3)], kind="model")
+    rows = chart_rows([(1.0, 1e-1), (2.0, 2e-1), (3.0, 1e-2), (3.0, 5e-2)]) + chart_rows([(0.5, 1e-3)], kind="model")
     assert front.our_pareto_rows(rows, "path") == [rows[0], rows[2]]
 
 
 def test_ratios_to_other_codes_are_at_equal_error():
-    rows = rows_at([(0.01, 1e-2), (0.1, 1e-4)]) + rows_at([(2.0, 1e-2), (50.0, 1e-3)], "b", "peer")
+    rows = chart_rows([(0.01, 1e-2), (0.1, 1e-4)]) + chart_rows([(2.0, 1e-2), (50.0, 1e-3)], "b", "peer")
     at = front.fastest_methods_at_error(rows, 1e-3)
     assert at["series"] == "a"
     assert at["tension"] == {"series": "a", "seconds": pytest.approx(0.01), "cut": False}  # at its coarsest already
