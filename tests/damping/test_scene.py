@@ -90,7 +90,7 @@ def test_the_judge_computes_the_rate_again_from_the_file(name):
     ):
         scene = Scene.load(name).replace(changes)
         given = SceneData(scene.to_toml(), scene.length)
-        assert given.damping(scene.length, scene.horizontal_tension) == pytest.approx(scene.damping, rel=1e-12)
+        assert given.damping_rate(scene.length, scene.horizontal_tension) == pytest.approx(scene.damping, rel=1e-12)
     deep = Scene.from_groups(sag_ratio=0.1, alpha=700.0, mu=0.1, speed_ratio=0.2).replace({"cable.damping": 0.02})
-    own = SceneData(deep.to_toml(), deep.length).damping(deep.length, deep.horizontal_tension)
+    own = SceneData(deep.to_toml(), deep.length).damping_rate(deep.length, deep.horizontal_tension)
     assert own == pytest.approx(deep.damping, rel=1e-12)
