@@ -70,6 +70,7 @@ class SwingConstants(NamedTuple):
 
 
 def swing_constants(car: Car, gravity: float) -> SwingConstants:
+    """Those of the cabin of a car; zero without one."""
     cabin = car.hanger
     if cabin is None:
         return SwingConstants(0.0, 0.0, 0.0, 0.0)
@@ -78,9 +79,9 @@ def swing_constants(car: Car, gravity: float) -> SwingConstants:
     return SwingConstants(lever, cabin.length, inertia, cabin.damping_moment_per_rate(gravity))
 
 
-def vector_length(x: Array) -> Array:
+def vector_length(vectors: Array) -> Array:
     """Length of vectors (..., 2), also complex ones."""
-    return np.sqrt(x[..., 0] ** 2 + x[..., 1] ** 2)
+    return np.sqrt(vectors[..., 0] ** 2 + vectors[..., 1] ** 2)
 
 
 def forces_on_cars(cars: CarData, inputs: Array) -> ForcesOnCars:
@@ -109,7 +110,7 @@ def forces_on_cars(cars: CarData, inputs: Array) -> ForcesOnCars:
     return ForcesOnCars(contact, Q, tau, stretch, haul, drag, friction, normal, swing, dot(drag, cabin_velocity))
 
 
-def force_jacobian(cars: CarData, inputs: Array) -> Array:
+def car_force_jacobian(cars: CarData, inputs: Array) -> Array:
     """Derivatives (n, 4, INPUTS) of C, - Q and the row of phi by the inputs (n, INPUTS)."""
     shifted = inputs + 1j * STEP * np.eye(INPUTS)[:, None, :]  # (INPUTS, n, INPUTS)
     at = forces_on_cars(cars, shifted)

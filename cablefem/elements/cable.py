@@ -26,7 +26,7 @@ from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve_
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_newmark_steps
 from cablefem.elements.observing import MotionAtMass, StationFields, StationPoints
-from cablefem.elements.reference import Points
+from cablefem.elements.reference import QuadraturePoints
 from cablefem.newmark import Array, Newton, Solve, State, StepResult, System, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -61,11 +61,11 @@ class CableElements(System):
     _band: int
     _operators: Array  # see `kernels.balance.Cable`
     _mesh: Mesh
-    _at_inertia: Points  # that integrate products of two shapes
-    _at_force: Points  # of `_mesh`
+    _at_inertia: QuadraturePoints  # that integrate products of two shapes
+    _at_force: QuadraturePoints  # of `_mesh`
     _knots: Array  # 0 at the mass or the end of a fixed mesh
-    _shapes: Array  # `reference.shape_polynomials`
-    _moments: Array  # `reference.shape_moments` of each side of the mass
+    _shapes: Array  # `reference.shape_polynomial_coefficients`
+    _moments: Array  # `reference.shape_integrals` of each side of the mass
     _assembled_at: tuple[float, int] | None
     node: int  # scalar unknown at the mass
 
@@ -279,14 +279,14 @@ class CableElements(System):
         at_node = 2.0 * ds * self._nodal_values(states.v[frames], self.node).T  # (fields, k)
         at_node += dds * self._nodal_values(states.q[frames], self.node).T
         at_begin = np.where(is_behind, end_forces[0][:, frames], end_forces[2][:, frames] + at_node)
-        self._add_constants_of_momentum(momentum, at_begin)
+        self._add_momentum_before_elements(momentum, at_begin)
         force_less_flux = momentum - _multiply_by_linear(moving, chi)
 
         at = StationPoints(s, s_o, knots, n_left, self.fields)
         mesh_speed = ds[:, None] * (1.0 - abs(at.x))
         return StationFields(at.values(q), at.values(rate), at.values(w_x), at.values(force_less_flux), mesh_speed)
 
-    def _add_constants_of_momentum(self, momentum: Array, at_begin: Array) -> None:
+    def _add_momentum_before_elements(self, momentum: Array, at_begin: Array) -> None:
         """Add constants to the polynomials int d2(h w)/dt2 phi dxi (powers, elements, fields, k), in place.
 
         phi = 1 up to the position, from the support or the mass;  at_begin : force there.

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem.elements.line_coordinates import Coordinates
-from cablefem.elements.reference import lagrange_element, shape_polynomials
+from cablefem.elements.reference import lagrange_element, shape_polynomial_coefficients
 from cablefem.elements.segments import Segments
 from cablefem.elements.system import LineElements
 from cablefem.newmark import Array, State, consistent_acceleration
@@ -17,7 +17,9 @@ def system_after_passage(system: LineElements, passage: Passage, x: State) -> tu
     """The line after a passage, and its state: r interpolated, velocities by least squares."""
     old = system.coordinates_from_unknowns(*x)
     over = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.over}
-    line, snapshot = line_and_snapshot_after_passage(system.line, passage, x.t, x.phase, _snapshot(system, old, over))
+    line, snapshot = line_and_snapshot_after_passage(
+        system.line, passage, x.t, x.phase, _line_snapshot_of(system, old, over)
+    )
     new = LineElements(line, elements=system.segments.elements, degree=system.segments.degree, compiled=system.compiled)
     z = new.prescribed_coordinates(x.t, x.phase)
     _copy_body_coordinates(system, old, new, z)
@@ -39,7 +41,7 @@ def system_after_passage(system: LineElements, passage: Passage, x: State) -> tu
     return new, consistent_acceleration(new, x.t, z.q[new.free], z.v[new.free], x.phase)
 
 
-def _snapshot(system: LineElements, z: Coordinates, over: dict[str, Array]) -> LineSnapshot:
+def _line_snapshot_of(system: LineElements, z: Coordinates, over: dict[str, Array]) -> LineSnapshot:
     """The line at coordinates z; over : points with rates (3, 2) of cars off the rope."""
     points = np.array(z)[:, 2 * system.node[:, None] + np.arange(2)]
 
@@ -100,7 +102,7 @@ def rope_point_slope_velocity(system: LineElements, z: Coordinates, s: Array) ->
     xi = (s - at[k]) / h[:, 0]
     element = np.clip((xi * segments.elements).astype(int), 0, segments.elements - 1)
     local = xi * segments.elements - element
-    shapes = shape_polynomials(lagrange_element(segments.degree)).T
+    shapes = shape_polynomial_coefficients(lagrange_element(segments.degree)).T
     values, slopes = polyval(local, shapes).T, polyval(local, polyder(shapes)).T * segments.elements  # (m, n_loc)
     nodes = system.nodes[k[:, None], segments.dofs[element]]  # (m, n_loc)
     r, v = (values_of[: 2 * system.n].reshape(-1, 2)[nodes] for values_of in (z.q, z.v))

@@ -21,11 +21,11 @@ from cablefem.elements.cable import CableElements
 from cablefem.elements.kernels.balance import Factors, MassCoupling, Mesh
 from cablefem.elements.observing import MotionAtMass, StationFields
 from cablefem.elements.reference import (
-    Points,
+    QuadraturePoints,
     assemble_bands,
-    quadrature_order,
-    shape_moments,
-    shape_polynomials,
+    force_quadrature_order,
+    shape_integrals,
+    shape_polynomial_coefficients,
     shape_table,
 )
 from cablefem.newmark import (
@@ -118,7 +118,7 @@ class FixedElements(CableElements):
         degree = len(offsets) - 1
         unit = skfem.MeshLine(np.array([0.0, 1.0]))
         basis, of_forces = (
-            skfem.Basis(unit, element(), intorder=order) for order in (2 * degree, quadrature_order(degree))
+            skfem.Basis(unit, element(), intorder=order) for order in (2 * degree, force_quadrature_order(degree))
         )
         n_loc = len(offsets)
         first = np.arange(n)[:, None]
@@ -134,14 +134,14 @@ class FixedElements(CableElements):
             x[:, :, :2] /= n
             x[:, :, 2 + n_loc :] *= n
         self._mesh = Mesh(dofs, tab, n, (), ())
-        self._at_inertia, self._at_force = (Points.from_table(dofs, x, n, self.n_scalar) for x in (fine, tab))
+        self._at_inertia, self._at_force = (QuadraturePoints.from_table(dofs, x, n, self.n_scalar) for x in (fine, tab))
         b = int(offsets.max())
         self._band = self.fields * b + self.fields - 1
         M = assemble_bands(np.repeat(mass.coo_data(basis).tolocal() / n, n, axis=0), dofs, self.n_scalar, b)
         self._operators = np.repeat(M[None], self.fields, axis=2)
-        self._moments = shape_moments(dofs, fine, fine[..., 0], self.n_scalar)[None]
+        self._moments = shape_integrals(dofs, fine, fine[..., 0], self.n_scalar)[None]
         self._knots = np.linspace(-1.0, 0.0, n + 1)
-        self._shapes = shape_polynomials(element())
+        self._shapes = shape_polynomial_coefficients(element())
         derivatives = [float(n) ** d * polyder(self._shapes, d, axis=1) for d in range(3)]
         # (3, n_loc, n_loc): N, N', N''
         self._powers = np.stack([np.pad(x, ((0, 0), (0, n_loc - x.shape[1]))) for x in derivatives])

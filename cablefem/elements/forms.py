@@ -18,7 +18,7 @@ import numpy as np
 import skfem
 
 from cablefem.elements.kernels.law import TENSION_ONLY
-from cablefem.elements.reference import lagrange_element, number_unknowns, quadrature_order
+from cablefem.elements.reference import element_unknowns, force_quadrature_order, lagrange_element
 from cablefem.newmark import Array
 
 if TYPE_CHECKING:
@@ -100,12 +100,12 @@ def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int)
     mesh = skfem.MeshLine(s_o + np.where(knots < 0.0, s_o, 1.0 - s_o) * knots)
     element = skfem.ElementVector(lagrange_element(degree), 2)
     basis = skfem.Basis(mesh, element, intorder=2 * degree)
-    basis_of_forces = skfem.Basis(mesh, element, intorder=quadrature_order(degree))
+    basis_of_forces = skfem.Basis(mesh, element, intorder=force_quadrature_order(degree))
 
     # scikit-fem's unknowns in ours, which leave out the supports
     number = np.empty(basis.N, dtype=int)
     for field in range(2):
-        number[basis.element_dofs[field::2]] = 2 * (number_unknowns(degree, mesh.nelements).T - 1) + field
+        number[basis.element_dofs[field::2]] = 2 * (element_unknowns(degree, mesh.nelements).T - 1) + field
     inner = (number >= 0) & (number < system.n_dof)
     unknowns = np.zeros((3, number.size))
     unknowns[:, inner] = x[:, number[inner]]

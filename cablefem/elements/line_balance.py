@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from cablefem.elements.bodies import INPUTS, CarData, force_jacobian, forces_on_cars, swing_constants
+from cablefem.elements.bodies import INPUTS, CarData, car_force_jacobian, forces_on_cars, swing_constants
 from cablefem.elements.bordered import BandMatrix, DenseMatrix, Matrix
 from cablefem.elements.line_coordinates import Coordinates, LineCoordinates
 from cablefem.elements.segments import Law, Motion, TangentFactors
@@ -40,7 +40,7 @@ class LineBalance(LineCoordinates):
         super().__init__(line, elements, degree)
         self.compiled = compiled
         count = len(self.nodes)
-        self.law = np.array(self.segments.law(count))  # (3, K, G)
+        self.law = np.array(self.segments.rope_law(count))  # (3, K, G)
         self.band = 2 * degree + 1
         # t, a, rows and loads at the last instant of the last residuals
         self._last: tuple[float, Array, Array, Array] | None = None
@@ -53,9 +53,9 @@ class LineBalance(LineCoordinates):
         weights = [car.mass * line.gravity for car in line.cars]
         self.force_scale = min(weights, default=line.weight_per_length * line.supports[-1].point[0])
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
-        self._set_car_data()
+        self._set_constant_car_data()
 
-    def _set_car_data(self) -> None:
+    def _set_constant_car_data(self) -> None:
         """Set data of the cars, and what changes of them: signs, brakes and hold."""
         cars = self.line.cars
         self._masses = np.array([c.mass for c in cars])
@@ -143,8 +143,8 @@ class LineBalance(LineCoordinates):
 
     def _add_rope_rows_by_numpy(self, rows: Array, x: Coordinates, law: Law, cars: CarData) -> None:
         m = self.segment_motion(x)
-        fields = self.segments.fields(self.segments.values_at_points(m), law)
-        nodes, ends = self.segments.residual(fields)
+        fields = self.segments.fields_at_points(self.segments.values_at_points(m), law)
+        nodes, ends = self.segments.node_and_end_rows(fields)
         points = rows[: 2 * self.n].reshape(-1, 2)
         points[:-1] += nodes[:, :-1].reshape(-1, 2)
         points[self.node[1:]] += nodes[:, -1]
@@ -181,13 +181,16 @@ class LineBalance(LineCoordinates):
         entering = self.line.weight_per_length * contact.point[1] - 0.5 * self.segments.rho * speed**2
         return sign * (N + N**2 / (2.0 * EA) + entering)
 
-    def slopes_and_motion_at_cars(self, x: Coordinates, m: Motion) -> Array:
+    def slopes_and_motion_at_cars(self, x: Coordinates, motion: Motion) -> Array:
         """Slopes beside each car, its v and a, F/M and the swing (cars, INPUTS), for `bodies.forces`."""
         out = np.zeros((len(self.cars), INPUTS))
         if self.cars:
-            left, right = self.segments.slopes_at_ends(m)
+            left, right = self.segments.slopes_at_ends(motion)
             k = np.array(self.cars)
-            out[:, 0:2], out[:, 2:4], out[:, 4:6], out[:, 6:8] = right[k - 1], left[k], m.v[k, 0], m.a[k, 0]
+            out[:, 0:2] = right[k - 1]
+            out[:, 2:4] = left[k]
+            out[:, 4:6] = motion.v[k, 0]
+            out[:, 6:8] = motion.a[k, 0]
             out[self.of_force, 8] = x.a[self.force]
             out[self.of_swing, 9:12] = np.stack([z[self.swing] for z in x], axis=1)
         return out
@@ -219,14 +222,16 @@ class LineBalance(LineCoordinates):
     ) -> tuple[Array, Solve]:
         x = self.coordinates_from_unknowns(t, q, v, a, phase)
         rows = self._select_unknown_rows(self.balance_rows(t, x, phase))
-        return rows, self._solver_of_unknowns(t, x, phase, (c0, c1, c2))
+        return rows, self._tangent_solver_of_unknowns(t, x, phase, (c0, c1, c2))
 
     def factorised_tangent(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> Solve:
-        return self._solver_of_unknowns(t, self.coordinates_from_unknowns(t, q, v, a, phase), phase, (c0, c1, c2))
+        return self._tangent_solver_of_unknowns(
+            t, self.coordinates_from_unknowns(t, q, v, a, phase), phase, (c0, c1, c2)
+        )
 
-    def _solver_of_unknowns(self, t: float, x: Coordinates, phase: int, c: TangentFactors) -> Solve:
+    def _tangent_solver_of_unknowns(self, t: float, x: Coordinates, phase: int, c: TangentFactors) -> Solve:
         """The solution for all unknowns, 0 for s of cars that stick."""
         sticking = self.sticking_unknowns
         moving = self.free.copy()
@@ -279,7 +284,9 @@ class LineBalance(LineCoordinates):
         matrix = np.zeros((self.size, self.size), parts.dtype)
         np.add.at(matrix, (slots[:, :, None], slots[:, None, :]), parts)
         if self.points:
-            self._add_car_tangent(DenseMatrix(matrix), force_jacobian(cars, self.slopes_and_motion_at_cars(x, m)), m, c)
+            self._add_car_tangent(
+                DenseMatrix(matrix), car_force_jacobian(cars, self.slopes_and_motion_at_cars(x, m)), m, c
+            )
         self._add_contact_tangents(DenseMatrix(matrix), x, rope_rows, cars, c)
         return splu(csc_array(matrix[free][:, free])).solve
 
@@ -310,9 +317,9 @@ class LineBalance(LineCoordinates):
             ds, lam = x.v[slot], 1.0 + (force + sign * mass * x.a[slot]) / EA
             yield slot, mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
 
-    def _add_car_tangent(self, matrix: DenseMatrix, by_input: Array, m: Motion, c: TangentFactors) -> None:
-        """Add the chain of `force_jacobian` (n, 4, INPUTS) and of the inputs by the coordinates."""
-        (c0, c1, c2), slopes = c, self.segments.slopes_at_ends(m)
+    def _add_car_tangent(self, matrix: DenseMatrix, car_jacobian: Array, motion: Motion, c: TangentFactors) -> None:
+        """Add the chain of `car_force_jacobian` (n, 4, INPUTS) and of the inputs by the coordinates."""
+        (c0, c1, c2), slopes = c, self.segments.slopes_at_ends(motion)
         for i in self.points:
             k = self.cars[i]
             inputs = np.zeros((INPUTS, self.size), matrix.dtype)
@@ -321,12 +328,12 @@ class LineBalance(LineCoordinates):
                 j, end = k - 1 + side, 1 - side
                 for axis in range(2):
                     row = inputs[2 * side + axis]
-                    row[2 * self.nodes[j] + axis] = c0 / m.h[j, 0] * self.segments.end_slopes[end]
-                    row[self.s[[j, j + 1]]] += c0 / m.h[j, 0] * slopes[end, j, axis] * np.array([1.0, -1.0])
+                    row[2 * self.nodes[j] + axis] = c0 / motion.h[j, 0] * self.segments.end_slopes[end]
+                    row[self.s[[j, j + 1]]] += c0 / motion.h[j, 0] * slopes[end, j, axis] * np.array([1.0, -1.0])
             inputs[[4, 5], point], inputs[[6, 7], point] = c1, c2
             inputs[8, self.force[self.of_force == i]] = c2 or 1.0
             swing = self.swing[np.equal(self.of_swing, i)]
             for row, factor in zip(inputs[9:], c, strict=True):
                 row[swing] = factor
             rows = [*point, self.s[k], *swing]
-            matrix.matrix[rows] += by_input[i, : len(rows)] @ inputs
+            matrix.matrix[rows] += car_jacobian[i, : len(rows)] @ inputs

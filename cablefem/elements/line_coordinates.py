@@ -159,8 +159,8 @@ class LineCoordinates(System):
             z[..., x + 1] = rail.y_with_rates(z[..., x])
         return Coordinates(*z)
 
-    def segment_motion(self, x: Coordinates) -> Motion:
-        """Motion of the segments at one instant; x : (size,) each."""
-        nodal = [z[: 2 * self.n].reshape(-1, 2)[self.nodes] for z in x]
-        ends = [np.stack([z[self.s[:-1]], z[self.s[1:]]], axis=1) for z in x]
+    def segment_motion(self, coordinates: Coordinates) -> Motion:
+        """Motion of the segments at one instant; coordinates : (size,) each."""
+        nodal = [z[: 2 * self.n].reshape(-1, 2)[self.nodes] for z in coordinates]
+        ends = [np.stack([z[self.s[:-1]], z[self.s[1:]]], axis=1) for z in coordinates]
         return Motion(*nodal, *ends)

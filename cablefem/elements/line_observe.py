@@ -10,7 +10,7 @@ from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem.elements.bodies import INPUTS, CarData, ForcesOnCars, forces_on_cars
 from cablefem.elements.off_rope import CarOffRope
-from cablefem.elements.reference import lagrange_element, shape_polynomials
+from cablefem.elements.reference import lagrange_element, shape_polynomial_coefficients
 from cablefem.elements.segments import Motion, dot
 from cablefem.elements.trolley import Trolley
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
@@ -33,8 +33,8 @@ class _History:
         motions = [system.segment_motion(x) for x in coordinates]
         self.q, self.v, self.a = (np.array([x[i] for x in coordinates]) for i in range(3))  # (n, size)
         self.all = Motion(*(np.concatenate([m[i] for m in motions]) for i in range(6)))  # n K segments
-        self.points = self.segments.points(self.all)
-        nodal_rows, ends = self.segments.residual(self.points)
+        self.points = self.segments.fields_of_motion(self.all)
+        nodal_rows, ends = self.segments.node_and_end_rows(self.points)
         self.ends = self.split_by_time(ends)  # (2, n, K) rows of s
         slopes = self.segments.slopes_at_ends(self.all)
         self.slopes = self.split_by_time(slopes)  # (2, n, K, 2)
@@ -91,7 +91,7 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
             hung = car.mass if car.hanger is None else car.hanger.mass
             below = motion.turning.centre - motion.point
             potential = potential - hung * system.line.gravity * below[:, 1]
-    points, tension = _points_and_tensions(x, s)
+    points, tension = _rope_points_and_tensions(x, s)
     return LineMotion(
         t=x.t, cars=cars, contacts=add_shoe_forces(system.line, cars, contacts), s=s, points=points, tension=tension,
         kinetic=kinetic, strain=_strain_energy(x), potential=potential, powers=powers,
@@ -289,7 +289,7 @@ def _trolley_motion_and_powers(
 
 def _wheel_motions(x: _History, trolley: Trolley, loads: Sequence[Array]) -> list[WheelMotion]:
     """Of the rear wheel and of the front one."""
-    sides = trolley.rope_slopes(x.q).reshape(x.t.size, 2, 2, 2)  # of each wheel, behind and ahead
+    sides = trolley.rope_slopes_at_wheels(x.q).reshape(x.t.size, 2, 2, 2)  # of each wheel, behind and ahead
     wheels = []
     for j, k in enumerate((trolley.k - 1, trolley.k)):
         slot = x.system.s[k]
@@ -316,7 +316,7 @@ def _car_data_over_time(x: _History, s: Array, ds: Array) -> CarData:
     return each[0]._replace(**changing, brake=np.stack(brakes, axis=1), rear_brake=np.stack(rear, axis=1), sign=sign)
 
 
-def _points_and_tensions(x: _History, s: Array) -> tuple[Array, Array]:
+def _rope_points_and_tensions(x: _History, s: Array) -> tuple[Array, Array]:
     """Points (n, m, 2) and tensions (n, m) at s (m,)."""
     segments, elements = x.segments, x.segments.elements
     at = x.q[:, x.system.s]  # (n, K + 1)
@@ -326,7 +326,7 @@ def _points_and_tensions(x: _History, s: Array) -> tuple[Array, Array]:
     inside = (xi >= 0.0) & (xi <= 1.0)
     element = np.clip((xi * elements).astype(int), 0, elements - 1)
     local = xi * elements - element
-    shapes = shape_polynomials(lagrange_element(segments.degree)).T
+    shapes = shape_polynomial_coefficients(lagrange_element(segments.degree)).T
     r = x.all.r.reshape(*at[:, 1:].shape, segments.nn, 2)
     nodal = r[np.arange(at.shape[0])[:, None, None], segment[..., None], segments.dofs[element]]  # (n, m, n_loc, 2)
     points = np.einsum("lnm,nmla->nma", polyval(local, shapes), nodal)

@@ -34,8 +34,8 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     force = system.inertia * acceleration - system.weight[:, None]
     power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=0)
 
-    mesh_at = system._mesh_kinematics(kinematics).T
-    cable = observe_cable(system, mesh_at, states)
+    mesh_kinematics = system._mesh_kinematics(kinematics).T
+    cable = observe_cable(system, mesh_kinematics, states)
     lost = 2.0 * g.damping * cable.kinetic
     powers = {"lost_viscous": -lost} if g.damping else {}
     kinetic = cable.kinetic + 0.5 * system.inertia * np.sum(velocity**2, axis=0)
@@ -48,19 +48,18 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     behind, ahead = (static + direction @ x for x in slopes)
     ends = system._end_forces_with_mass(states, kinematics, cable.end_forces, force)
     if system.fields == 2:
-        at_mass, kink = _tensions_at_mass(system, ends, mesh_at[1], (static, T, behind, ahead))
+        at_mass, kink = _tensions_reactions_and_kink(system, ends, mesh_kinematics[1], (static, T, behind, ahead))
         power += ds * kink
     else:
-        at_mass = _chord_tensions(system, ends, cable.rise, T)
+        at_mass = _chord_tensions_and_reactions(system, ends, cable.rise, T)
     power -= lost
     for name, values in at_mass.items():
         if "behind" in name:  # at the left support there is no cable behind
             at_mass[name] = np.where(s_o > 0.0, values, np.nan)
-    fields = []
+    blocks = []
     for rows in _row_blocks(frames, s.size):
         along = system._fields_at_stations(states, kinematics, ends, force, s, rows)
-        fields.append(_station_fields(system, along, s, cable.rise[rows]))
-    stations = {name: np.concatenate([of[name] for of in fields]) for name in fields[0]}
+        blocks.append(_station_fields(system, along, s, cable.rise[rows]))
     return Observation(
         path=(direction @ w).T, path_velocity=(direction @ w_t + ds * static).T,
         path_acceleration=(direction @ w_tt + dds * static + ds**2 * bend).T,
@@ -68,7 +67,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
         energy=kinetic + cable.strain + potential, power=power, kinetic=kinetic, strain=cable.strain,
         potential=potential, tension_min=cable.tension_min, tension_min_at=cable.tension_min_at,
         t=states.t, s_o=s_o, contact=-(direction @ force).T, powers=powers, **at_mass,
-        **stations,
+        **_joined_blocks(blocks),
     )  # fmt: skip
 
 
@@ -76,6 +75,11 @@ def _row_blocks(rows: NDArray[np.intp], width: int) -> list[NDArray[np.intp]]:
     """Rows of arrays of a width in blocks, at least one, that stay in a processor's cache."""
     length = max(1, BLOCK // max(1, width))
     return [rows[begin : begin + length] for begin in range(0, max(1, rows.size), length)]
+
+
+def _joined_blocks(blocks: list[dict[str, Array]]) -> dict[str, Array]:
+    """Fields of all rows, from those of consecutive ones."""
+    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
 
 class MotionAtMass(NamedTuple):
@@ -102,14 +106,14 @@ class CableState(NamedTuple):
     )
 
 
-def observe_cable(system: CableElements, mesh_at: Array, states: States) -> CableState:
-    """The cable in a history; mesh_at (3, n) : kinematics of the mesh."""
+def observe_cable(system: CableElements, mesh_kinematics: Array, states: States) -> CableState:
+    """The cable in a history; mesh_kinematics (3, n) : kinematics of the mesh."""
     size = system.fields * system.n_scalar
     columns = np.concatenate(system._moments, axis=1).T  # (4 sides, n_scalar)
     parts = []
     for block in _row_blocks(np.arange(states.t.size), system._at_inertia.x.size):
         rows = slice(block[0], block[-1] + 1)
-        at = mesh_at[:, rows]
+        at = mesh_kinematics[:, rows]
         x = np.empty((system.n_scalar, 3, system.fields, at.shape[1]))
         for i, of in enumerate((states.q, states.v, states.a)):
             x[:, i] = of[rows, :size].T.reshape(system.n_scalar, system.fields, -1)
@@ -122,9 +126,9 @@ def observe_cable(system: CableElements, mesh_at: Array, states: States) -> Cabl
     of_sides = moments.reshape(-1, 4, *moments.shape[1:])
     potential = np.zeros_like(kinetic)
     if system.fields == 2:
-        depth = sum(h * x[0, 0, 1] for x, h, _ in _with_side_lengths(of_sides, mesh_at[0]))  # int v ds
+        depth = sum(h * x[0, 0, 1] for x, h, _ in _with_side_lengths(of_sides, mesh_kinematics[0]))  # int v ds
         potential -= system.groups.sigma * depth
-    ends = _end_forces(system, mesh_at, of_sides, states.v, strained.force)
+    ends = _end_forces(system, mesh_kinematics, of_sides, states.v, strained.force)
     return CableState(
         kinetic, potential, strained.energy, strained.tension_min, strained.tension_min_at, strained.rise, ends
     )
@@ -141,9 +145,9 @@ def _multiply(matrix: Any, unknowns: Array) -> Array:
     return np.asarray(product).reshape(-1, *unknowns.shape[1:])
 
 
-def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> Array:
+def kinetic_energy(system: CableElements, mesh_kinematics: Array, q: Array, v: Array) -> Array:
     """int |w.|^2/2 ds (n,), w. = dv/dt at fixed s = v - c w'."""
-    s_o, ds, _ = mesh_at
+    s_o, ds, _ = mesh_kinematics
     points = system._at_inertia
     xi = points.x
     h = np.where(points.behind, s_o, 1.0 - s_o)  # (p, n)
@@ -164,9 +168,9 @@ class StrainState(NamedTuple):
     force: Array  # int f dxi of both sides (2, fields, n)
 
 
-def strain_state(system: CableElements, mesh_at: Array, q: Array) -> StrainState:
+def strain_state(system: CableElements, mesh_kinematics: Array, q: Array) -> StrainState:
     """Strain energy, smallest tension and internal force of a history."""
-    s_o = mesh_at[0]
+    s_o = mesh_kinematics[0]
     points = system._at_force
     h = np.where(points.behind, s_o, 1.0 - s_o)  # (p, n)
     length = np.where(h > 0.0, h, 1.0)
@@ -200,14 +204,14 @@ def strain_state(system: CableElements, mesh_at: Array, q: Array) -> StrainState
     return StrainState(energy, tension_min, tension_min_at, rise, np.tensordot(of_sides, f, (1, 1)))
 
 
-def _end_forces(system: CableElements, mesh_at: Array, moments: Array, v: Array, internal: Array) -> Array:
+def _end_forces(system: CableElements, mesh_kinematics: Array, moments: Array, v: Array, internal: Array) -> Array:
     """`CableState.ends` with f = N t - T X'.
 
     Momentum of a side, tested with phi = 1, and with phi = 1 at the mass and 0 at the support:
     int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].
     moments : of q, v, a on each side (sides, 4, 3, fields, n);  v : (n, n_dof);  internal : `StrainState.force`.
     """
-    s_o, ds, dds = mesh_at
+    s_o, ds, dds = mesh_kinematics
     out = np.zeros((4, system.fields, s_o.size))
     c_d = system.groups.damping
     dds = dds + c_d * ds
@@ -282,12 +286,12 @@ def _station_fields(system: CableElements, along: StationFields, s: Array, rise:
     return fields
 
 
-def _tensions_at_mass(
-    system: CableElements, ends: Array, c: Array, at_mass: tuple[Array, ...]
+def _tensions_reactions_and_kink(
+    system: CableElements, end_forces: Array, mesh_speed: Array, at_mass: tuple[Array, ...]
 ) -> tuple[dict[str, Any], Array]:  # fmt: skip
     """Tensions at the mass and reactions of the full cable, and <N t> . [r'] - [W] of the kink.
 
-    c : speed of the mesh at the mass (n,);  at_mass : X' (2, n), T (n,), r' behind and ahead (2, n).
+    mesh_speed : at the mass (n,);  at_mass : X' (2, n), T (n,), r' behind and ahead (2, n).
     """
     static, T, behind, ahead = at_mass
     alpha = system._law[0]
@@ -298,37 +302,37 @@ def _tensions_at_mass(
     T_ends, x_ends, y_ends = system.groups.tension_and_shape_derivatives(np.array([0.0, 1.0]))[:3]
     static_ends = np.stack([T_ends * x_ends, T_ends * y_ends])  # (2 fields, 2 ends)
     return {
-        "T_behind": _tension_from_momentum(system, ends[1], c, (static, T, behind)),
-        "T_ahead": _tension_from_momentum(system, ends[2], c, (static, T, ahead)),
+        "T_behind": _tension_from_momentum(system, end_forces[1], mesh_speed, (static, T, behind)),
+        "T_ahead": _tension_from_momentum(system, end_forces[2], mesh_speed, (static, T, ahead)),
         "T_behind_pointwise": at_behind.N,
         "T_ahead_pointwise": at_ahead.N,
-        "reaction_left": -(ends[0] + static_ends[:, :1]).T,
-        "reaction_right": (ends[3] + static_ends[:, 1:]).T,
+        "reaction_left": -(end_forces[0] + static_ends[:, :1]).T,
+        "reaction_right": (end_forces[3] + static_ends[:, 1:]).T,
     }, kink
 
 
-def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array) -> dict[str, Any]:
+def _chord_tensions_and_reactions(system: CableElements, end_forces: Array, rise: Array, T: Array) -> dict[str, Any]:
     """The same for one field; its tension rises uniformly."""
     g = system.groups
     T_chord, curvature = system._law[1:3]
     chord = np.array([g.chord_cos, g.chord_sin])
     along = (T_chord + rise)[:, None] * chord
-    left = along + (ends[0].T + 0.5 * T_chord * curvature) @ system.direction
-    right = along + (ends[3].T - 0.5 * T_chord * curvature) @ system.direction
+    left = along + (end_forces[0].T + 0.5 * T_chord * curvature) @ system.direction
+    right = along + (end_forces[3].T - 0.5 * T_chord * curvature) @ system.direction
     at_mass = T + rise
     return {"T_behind": at_mass, "T_ahead": at_mass, "reaction_left": -left, "reaction_right": right}
 
 
 def _tension_from_momentum(
-    system: CableElements, force_less_flux: Array, c: Array, at: tuple[Array, Array, Array]
+    system: CableElements, force_less_flux: Array, mesh_speed: Array, static_and_slope: tuple[Array, Array, Array]
 ) -> Array:
-    """N from `force_less_flux` = N t - T X' - c^2 w'; at : X', T, r'; components come first.
+    """N from `force_less_flux` = N t - T X' - c^2 w'; static_and_slope : X', T, r', components first.
 
     N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t; r' gives the sign.
     """
-    static, T, slope = at
+    static, T, slope = static_and_slope
     alpha = system._law[0]
-    flux = c * c
+    flux = mesh_speed * mesh_speed
     x, y = force_less_flux + (T - flux) * static  # N t - c^2 r'
     size = length_from_components((x, y))
     size = np.where(x * slope[0] + y * slope[1] < 0.0, -size, size)

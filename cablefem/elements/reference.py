@@ -23,7 +23,7 @@ def lagrange_element(degree: int) -> skfem.Element:
     return skfem.ElementLinePp(degree)
 
 
-def shape_polynomials(element: skfem.Element) -> Array:
+def shape_polynomial_coefficients(element: skfem.Element) -> Array:
     """P (n_loc, n_loc): shape function k on [0, 1] is sum_m P[k, m] x^m."""
     n_loc = element.refdom.nnodes * element.nodal_dofs + element.interior_dofs
     x = 0.5 - 0.5 * np.cos(np.pi * (np.arange(n_loc) + 0.5) / n_loc)
@@ -44,7 +44,7 @@ def convection_form(phi, eta, w):
     return w["chi"] ** 2 * eta.grad[0] * phi.grad[0]
 
 
-def quadrature_order(degree: int) -> int:
+def force_quadrature_order(degree: int) -> int:
     """Order of quadrature of internal forces: as many Gauss points as the degree, at least two.
 
     More points lock (Stolarski & Belytschko 1982): u' cannot follow v'^2/2.
@@ -60,7 +60,7 @@ def shape_table(basis: skfem.Basis) -> Array:
     return np.stack([np.broadcast_to(np.asarray(column), x.shape) for column in columns], axis=2)
 
 
-class Points(NamedTuple):
+class QuadraturePoints(NamedTuple):
     """Points of quadrature of all elements, p, and matrices (p, n) from unknowns to values and slopes there."""
 
     x: Array  # (p, 1)
@@ -70,7 +70,7 @@ class Points(NamedTuple):
     slopes: csr_array  # d/dx
 
     @classmethod
-    def from_table(cls, dofs: NDArray[np.int64], tab: Array, n_left: int, n: int) -> Points:
+    def from_table(cls, dofs: NDArray[np.int64], tab: Array, n_left: int, n: int) -> QuadraturePoints:
         """dofs : (n_el, n_loc) of n unknowns, -1 on a support;  tab : see `shape_table`;  n_left : elements behind."""
         n_el, n_q, _ = tab.shape
         n_loc = dofs.shape[1]
@@ -96,29 +96,29 @@ class ReferenceMesh(NamedTuple):
     knots: Array  # (2 elements + 1,) x
     node: int  # unknown of the mass
     dofs: NDArray[np.int64]  # (n_el, n_loc), -1 on a support
-    forces: Array  # xi and the rest of `shape_table`, at the points of `quadrature_order`
-    at_force: Points  # those of `forces`
-    at_inertia: Points  # that integrate products of two shapes
+    forces: Array  # xi and the rest of `shape_table`, at the points of `force_quadrature_order`
+    at_force: QuadraturePoints  # those of `forces`
+    at_inertia: QuadraturePoints  # that integrate products of two shapes
     operators: Array  # (8, 2 degree + 1, n) `assemble_bands` of M^, G^, G^T and H^, each behind and ahead
-    moments: Array  # (2, n, 4) of each side, see `shape_moments`
-    shapes: Array  # see `shape_polynomials`
+    moments: Array  # (2, n, 4) of each side, see `shape_integrals`
+    shapes: Array  # see `shape_polynomial_coefficients`
 
 
-def number_unknowns(degree: int, n_el: int) -> NDArray[np.int64]:
-    """Numbers along the mesh of the unknowns of elements in scikit-fem's order, (n_el, n_loc)."""
+def element_unknowns(degree: int, n_el: int) -> NDArray[np.int64]:
+    """Unknowns of each element in scikit-fem's order, numbered along the mesh, (n_el, n_loc)."""
     return np.r_[0, degree, 1:degree] + degree * np.arange(n_el)[:, None]  # an element's nodes come first
 
 
-def assemble_bands(local: Array, dofs: NDArray[np.int64], n: int, b: int) -> Array:
-    """Diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b, of n unknowns; local : (n_el, n_loc, n_loc)."""
+def assemble_bands(local_matrices: Array, dofs: NDArray[np.int64], n: int, b: int) -> Array:
+    """Diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b, of n unknowns, from (n_el, n_loc, n_loc)."""
     row, col = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
     inner = (row >= 0) & (col >= 0)
     out = np.zeros((2 * b + 1, n))
-    np.add.at(out, ((b + col - row)[inner], row[inner]), local[inner])
+    np.add.at(out, ((b + col - row)[inner], row[inner]), local_matrices[inner])
     return out
 
 
-def shape_moments(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> Array:
+def shape_integrals(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> Array:
     """int phi, int chi phi, int chi phi,xi and int chi^2 phi,xi dxi of n functions, (n, 4)."""
     n_loc = dofs.shape[1]
     phi = tab[..., 2 : 2 + n_loc]
@@ -139,9 +139,10 @@ def reference_mesh(elements: int, degree: int, grading: float) -> ReferenceMesh:
     mesh = skfem.MeshLine(knots)
     sides = (slice(0, elements), slice(elements, None))
     basis, of_forces = (
-        skfem.Basis(mesh, lagrange_element(degree), intorder=order) for order in (2 * degree, quadrature_order(degree))
+        skfem.Basis(mesh, lagrange_element(degree), intorder=order)
+        for order in (2 * degree, force_quadrature_order(degree))
     )
-    dofs = number_unknowns(degree, 2 * elements) - 1
+    dofs = element_unknowns(degree, 2 * elements) - 1
     n = 2 * elements * degree - 1
     dofs[dofs == n] = -1
     chi = 1.0 - abs(np.asarray(basis.global_coordinates())[0])
@@ -150,11 +151,11 @@ def reference_mesh(elements: int, degree: int, grading: float) -> ReferenceMesh:
     operators = [assemble_bands(local[x], dofs[x], n, degree) for local in (M, GT.swapaxes(1, 2), GT, H) for x in sides]
     forces = shape_table(of_forces)
     inertia = shape_table(basis)
-    of_sides = np.array([shape_moments(dofs[x], inertia[x], chi[x], n) for x in sides])
+    of_sides = np.array([shape_integrals(dofs[x], inertia[x], chi[x], n) for x in sides])
     for tab in (forces, inertia):
         tab[:elements, :, 0] += 1.0
-    at_force, at_inertia = (Points.from_table(dofs, tab, elements, n) for tab in (forces, inertia))
+    at_force, at_inertia = (QuadraturePoints.from_table(dofs, tab, elements, n) for tab in (forces, inertia))
     return ReferenceMesh(
         degree, knots, elements * degree - 1, dofs, forces, at_force, at_inertia, np.array(operators), of_sides,
-        shape_polynomials(lagrange_element(degree)),
+        shape_polynomial_coefficients(lagrange_element(degree)),
     )  # fmt: skip

@@ -80,26 +80,28 @@ def _solve_rest_by_newton(
     def rows(q: Array) -> Array:
         return system.balance_rows(t, coordinates_with_zero_rates(system, q), phase, rope_and_cars)[free]
 
+    def damped_step(q: Array, step: Array, before: float) -> tuple[Array, Array, float]:
+        """q and its rows after the fraction of a step that makes the rows smaller, and that fraction."""
+        smallest_fraction = 1e-4
+        fraction = 1.0
+        while True:
+            trial = q - fraction * step
+            with np.errstate(all="ignore"):
+                r = rows(trial)
+            norm = np.linalg.norm(r)
+            if norm < max(1e3 * bound, before) or fraction < smallest_fraction:
+                return trial, r, fraction
+            fraction *= 0.5
+
     r = rows(q)
-    smallest_factor = 1e-4  # of damping
     for _ in range(60):  # of a stage
-        before = np.linalg.norm(r)
         solve = system.tangent_solver(coordinates_with_zero_rates(system, q), rope_and_cars, (1.0, 0.0, 0.0), free)
         step = np.zeros(system.size)
         step[free] = solve(r)
-        factor = 1.0
-        while True:
-            trial = q - factor * step
-            with np.errstate(all="ignore"):
-                r = rows(trial)
-            better = np.linalg.norm(r) < before
-            if better or np.linalg.norm(r) < 1e3 * bound or factor < smallest_factor:
-                break
-            factor *= 0.5
-        q = trial
+        q, r, fraction = damped_step(q, step, float(np.linalg.norm(r)))
         if not np.isfinite(q).all():
             break
-        if np.abs(step[moving]).max(initial=0.0) <= tolerance * reach and factor == 1.0:
+        if np.abs(step[moving]).max(initial=0.0) <= tolerance * reach and fraction == 1.0:
             return q
     raise StepFailure(t, "no rest of the loaded line was found", "compare the rope's length with its contacts")
 
@@ -122,7 +124,7 @@ def _set_first_guess(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> 
     q[system.s] = s
     run = np.diff(guess.points, axis=0)
     sag = system.line.weight_per_length * np.diff(s) * run[:, 0] / (8.0 * guess.H)
-    nodal = _parabolas(system, guess.points, sag)
+    nodal = _nodes_on_parabolas(system, guess.points, sag)
     for trolley in system.trolleys:
         rear, front = guess.points[[trolley.k - 1, trolley.k]]
         pitch = np.arctan2(*(front - rear)[::-1])
@@ -138,7 +140,7 @@ def _guess_contacts(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> S
     Raises StepFailure where no rope can hold the cars.
     """
     line = system.line
-    x = _guess_x(system, q)
+    x = _guess_contact_x(system, q)
     for _ in range(8):  # guess x from s
         stations = tuple(_station_of(c, x[k], line.gravity) for k, c in enumerate(line.contacts_and_wheels))
         case = Case(stations, line.weight_per_length, line.rope.EA, length=line.rope.length)
@@ -161,7 +163,7 @@ def _guess_or_raise(case: Case, line: MovingLine) -> Start:
     return guess
 
 
-def _parabolas(system: LineBalance, points: Array, sag: Array) -> Array:
+def _nodes_on_parabolas(system: LineBalance, points: Array, sag: Array) -> Array:
     """Nodes (n, 2) on parabolas between the contacts; sag (K,) in the middle of each segment."""
     run = np.diff(points, axis=0)
     at = np.linspace(0.0, 1.0, system.segments.elements + 1)
@@ -185,7 +187,7 @@ def _station_of(contact: Contact | Car | Wheel, x: float, gravity: float) -> Sta
     return Station(contact.name, contact.kind, x, y, contact.force or 0.0, contact.stiffness)
 
 
-def _guess_x(system: LineBalance, q: Array) -> Array:
+def _guess_contact_x(system: LineBalance, q: Array) -> Array:
     """Guessed x (contacts,), with cars of prescribed s in q at that length along the chords of the supports."""
     line = system.line
     points = np.array([c.point for c in line.supports])

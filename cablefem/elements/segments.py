@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import skfem
 
-from cablefem.elements.reference import lagrange_element, number_unknowns
+from cablefem.elements.reference import element_unknowns, lagrange_element
 from cablefem.newmark import Array
 from cablefem.scene.contacts import Elastic
 
@@ -54,7 +54,7 @@ class Law(NamedTuple):
     W_r: Array
 
 
-class Points(NamedTuple):
+class PointFields(NamedTuple):
     """Fields at the Gauss points: (..., K, G), vectors (..., K, G, 2)."""
 
     h: Array
@@ -81,18 +81,18 @@ class Segments:
         self.rope, self.elements, self.degree = rope, elements, degree
         self.rho, self.q = rope.mass_per_length, rope.mass_per_length * gravity
         self.nn = elements * degree + 1
-        self.dofs = number_unknowns(degree, elements)
+        self.dofs = element_unknowns(degree, elements)
         mesh = skfem.MeshLine(np.linspace(0.0, 1.0, elements + 1))
         basis = skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree + 2)
-        self.values, self.slopes = self._shape_tables(basis)
+        self.values, self.slopes = self._shape_values_and_slopes(basis)
         self.xi = np.asarray(basis.global_coordinates())[0].ravel()  # (G,)
         self.psi = np.stack([1.0 - self.xi, self.xi], axis=1)  # (G, 2)
         self.weights = basis.dx.ravel()  # (G,)
         both_ends = np.array([[0.0, 1.0]]), np.ones(2)
         at_ends = skfem.Basis(mesh, lagrange_element(degree), quadrature=both_ends)
-        self.end_slopes = self._shape_tables(at_ends)[1][[0, -1]]  # of the shape functions, (2, nn)
+        self.end_slopes = self._shape_values_and_slopes(at_ends)[1][[0, -1]]  # of the shape functions, (2, nn)
 
-    def _shape_tables(self, basis: skfem.Basis) -> tuple[Array, Array]:
+    def _shape_values_and_slopes(self, basis: skfem.Basis) -> tuple[Array, Array]:
         """Values and slopes of the nodes' shape functions at the points, (G, nn) each."""
         shape = basis.dx.shape  # (elements, points)
         out = np.zeros((2, *shape, self.nn))
@@ -105,21 +105,21 @@ class Segments:
         return values, slopes
 
     # --- fields --------------------------------------------------------------------------------------------
-    def law(self, count: int) -> Law:
+    def rope_law(self, count: int) -> Law:
         """The rope's law in `count` segments."""
         none = np.zeros((count, self.xi.size))
         return Law(none + self.rope.EA, none, none)
 
-    def values_at_points(self, x: Motion) -> Array:
+    def values_at_points(self, motion: Motion) -> Array:
         """r, v, a, r_xi, v_xi, and s, ds, dds at both ends: (K, G, 16)."""
-        values = self.values @ np.concatenate([x.r, x.v, x.a], axis=2)
-        slopes = self.slopes @ np.concatenate([x.r, x.v], axis=2)
-        ends = np.concatenate([x.s, x.ds, x.dds], axis=1)[:, None]
+        values = self.values @ np.concatenate([motion.r, motion.v, motion.a], axis=2)
+        slopes = self.slopes @ np.concatenate([motion.r, motion.v], axis=2)
+        ends = np.concatenate([motion.s, motion.ds, motion.dds], axis=1)[:, None]
         return np.concatenate([values, slopes, np.broadcast_to(ends, (*values.shape[:2], 6))], axis=2)
 
-    def fields(self, u: Array, law: Law) -> Points:
-        """Fields of u (..., K, G, 16), which may be complex."""
-        r, v, a, r_xi, v_xi, s, ds, dds = (u[..., i : i + 2] for i in range(0, 16, 2))
+    def fields_at_points(self, values: Array, law: Law) -> PointFields:
+        """Fields from `values_at_points` (..., K, G, 16), which may be complex."""
+        r, v, a, r_xi, v_xi, s, ds, dds = (values[..., i : i + 2] for i in range(0, 16, 2))
         h, dh = s[..., 1] - s[..., 0], ds[..., 1] - ds[..., 0]
         c, dc = dot(ds, self.psi), dot(dds, self.psi)  # dc: rate of c at fixed xi
         w = v - (c / h)[..., None] * r_xi
@@ -127,13 +127,14 @@ class Segments:
         lam = np.sqrt(dot(r_xi, r_xi)) / h
         more = lam - 1.0
         W = law.W_r + (law.N_r + 0.5 * law.EA * more) * more
-        return Points(h, dh, c, r[..., 1], r_xi, v_xi, w, dw, lam, law.N_r + law.EA * more, W)
+        return PointFields(h, dh, c, r[..., 1], r_xi, v_xi, w, dw, lam, law.N_r + law.EA * more, W)
 
-    def points(self, x: Motion) -> Points:
-        return self.fields(self.values_at_points(x), self.law(1))
+    def fields_of_motion(self, motion: Motion) -> PointFields:
+        """Fields at the Gauss points under the rope's own law."""
+        return self.fields_at_points(self.values_at_points(motion), self.rope_law(1))
 
     # --- rows ------------------------------------------------------------------------------------------------
-    def nodal_factors_and_end_rows(self, p: Points) -> Array:
+    def nodal_factors_and_end_rows(self, p: PointFields) -> Array:
         """At Gauss points: factors of phi (2), of phi_xi (2), and the rows of s at both ends (2); (..., K, G, 6)."""
         rho = self.rho
         inertia = rho * (p.h[..., None] * p.dw + p.dh[..., None] * p.w)
@@ -145,20 +146,20 @@ class Segments:
         of_s = SIGN * material[..., None] - rho * self.psi * momentum[..., None]
         return np.concatenate([by_value, by_slope, of_s], axis=-1)
 
-    def residual(self, p: Points) -> tuple[Array, Array]:
+    def node_and_end_rows(self, p: PointFields) -> tuple[Array, Array]:
         """Rows of the nodes (K, nn, 2) and of s at both ends (2, K)."""
         density = self.nodal_factors_and_end_rows(p) * self.weights[:, None]
         return self.values.T @ density[..., :2] + self.slopes.T @ density[..., 2:4], density[..., 4:].sum(axis=1).T
 
-    def tangent(self, x: Motion, law: Law, c: TangentFactors) -> Array:
+    def tangent(self, motion: Motion, law: Law, c: TangentFactors) -> Array:
         """D^T W J D: c0 d/dr + c1 d/dv + c2 d/da of the rows, (K, m, m) for m = 2 nn + 2 nodes' x, y and s.
 
         J (16, K, G, 6) holds the derivatives of `density`.
         """
-        u = self.values_at_points(x) + 1j * STEP * np.eye(16)[:, None, None, :]
-        J = (self.nodal_factors_and_end_rows(self.fields(u, law)).imag / STEP * self.weights[:, None]).reshape(
-            8, 2, *u.shape[1:3], 6
-        )
+        u = self.values_at_points(motion) + 1j * STEP * np.eye(16)[:, None, None, :]
+        J = (
+            self.nodal_factors_and_end_rows(self.fields_at_points(u, law)).imag / STEP * self.weights[:, None]
+        ).reshape(8, 2, *u.shape[1:3], 6)
         (c0, c1, c2), D, P = c, self.slopes, self.values
         by_value, by_slope = c0 * J[0] + c1 * J[1] + c2 * J[2], c0 * J[3] + c1 * J[4]
         by_ends = np.moveaxis(c0 * J[5] + c1 * J[6] + c2 * J[7], 0, -1)  # (K, G, 6, 2)
@@ -168,6 +169,6 @@ class Segments:
         rows = rows + np.einsum("gi,kgam->kiam", D, all_columns[:, :, 2:4])
         return np.concatenate([rows.reshape(len(rows), 2 * self.nn, -1), all_columns[:, :, 4:].sum(axis=1)], axis=1)
 
-    def slopes_at_ends(self, x: Motion) -> Array:
+    def slopes_at_ends(self, motion: Motion) -> Array:
         """r' at the left and at the right end, (2, K, 2)."""
-        return np.einsum("en,kna->eka", self.end_slopes, x.r) / x.h
+        return np.einsum("en,kna->eka", self.end_slopes, motion.r) / motion.h

@@ -34,10 +34,10 @@ class LineElements(LineBalance):
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
         super().__init__(line, elements, degree, compiled)
         self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
-        self._set_watched()
+        self._set_event_watchers()
         self.events = tuple(self._event_names())
 
-    def _set_watched(self) -> None:
+    def _set_event_watchers(self) -> None:
         """Set what the events watch."""
         line, contacts = self.line, self.line.contacts_and_wheels
         self.passages = possible_passages(line)

@@ -84,17 +84,17 @@ class Trolley:
         y = [sin, rate * cos, turning * cos - rate**2 * sin]
         z[..., self.points[0]] = X - np.stack([x, y], axis=-1)
 
-    def rope_slopes(self, q: Array) -> Array:
+    def rope_slopes_at_wheels(self, q: Array) -> Array:
         """r' at the sides of both wheels (..., 4, 2), from all coordinates (..., size)."""
         h = q[..., self.ends[:, 1]] - q[..., self.ends[:, 0]]
         return (self.shapes[:, None] @ q[..., self.near])[..., 0, :] / h[..., None]
 
-    def force_inputs(self, z: Sequence[Array], P: Array) -> Any:
+    def force_inputs(self, coordinates: Sequence[Array], rope_rows: Array) -> Any:
         """Inputs (INPUTS, ...) of `forces`, from q, v, a (..., size) and P of both wheels (..., 4)."""
-        q, v, a = z
-        slopes = self.rope_slopes(q).reshape(*P.shape[:-1], 8)
-        force = a[..., self.force] if self.force >= 0 else 0.0 * P[..., 0]
-        parts = [slopes, P, q[..., self.body[2:]], v[..., self.body], a[..., self.body], force[..., None]]
+        q, v, a = coordinates
+        slopes = self.rope_slopes_at_wheels(q).reshape(*rope_rows.shape[:-1], 8)
+        force = a[..., self.force] if self.force >= 0 else 0.0 * rope_rows[..., 0]
+        parts = [slopes, rope_rows, q[..., self.body[2:]], v[..., self.body], a[..., self.body], force[..., None]]
         return np.concatenate(parts, axis=-1).T
 
     def forces(self, cars: CarData, inputs: Any) -> TrolleyForces:
@@ -140,13 +140,15 @@ class Trolley:
             haul=F * (cos * vx + sin * vy) + haul_turns * rate, drag=drag * (air * vx + vy * vy),
         )  # fmt: skip
 
-    def add_tangent(self, matrix: Matrix, z: Sequence[Array], P: Array, cars: CarData, c: TangentFactors) -> None:
+    def add_tangent(
+        self, matrix: Matrix, coordinates: Sequence[Array], rope_rows: Array, cars: CarData, c: TangentFactors
+    ) -> None:
         """Add c0 d/dq + c1 d/dv + c2 d/da of the rows; the nodes follow the body in the columns of `matrix`.
 
         What the pitch rate adds there to c1 and c2 is left out: it is of the order of the rate times the step.
         """
         c0, c1, c2 = c
-        y = self.force_inputs(z, P)
+        y = self.force_inputs(coordinates, rope_rows)
         rows = self.forces(cars, y[:, None] + 1j * STEP * np.eye(INPUTS)).rows
         by = np.array([row.imag / STEP for row in rows])  # (5, INPUTS)
         factors = np.zeros((INPUTS, 4), matrix.dtype)  # of X, th and F in the inputs
@@ -154,7 +156,7 @@ class Trolley:
         factors[12, 2], factors[19, 3] = c0, c2 or 1.0
         count = 4 if self.force >= 0 else 3
         matrix.add_block(self.rows, [*self.body, self.force][:count], (by @ factors)[:, :count])
-        q, slopes = z[0], y[:8].reshape(4, 2)
+        q, slopes = coordinates[0], y[:8].reshape(4, 2)
         for side in range(4):
             by_slope = c0 / (q[self.ends[side, 1]] - q[self.ends[side, 0]]) * by[:, 2 * side : 2 * side + 2]
             block = self.shapes[side, :, None] * by_slope[:, None, :]  # (5, near, 2)

@@ -9,7 +9,7 @@ from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels.banded import factorise_in_place, solve_in_place
 from cablefem.elements.observing import observe_cable
-from cablefem.elements.reference import reference_mesh, shape_polynomials
+from cablefem.elements.reference import reference_mesh, shape_polynomial_coefficients
 from cablefem.newmark import State
 from tests.runs import LEVEL, basis_values_and_derivatives, crossed_cable, stack_states
 
@@ -73,7 +73,7 @@ def test_hermite_tables_are_the_cubics_however_many_elements(elements):
     # s = 1 - 1/elements carries a rounding of 1e-16, which is 1e-13 of an element
     np.testing.assert_allclose(f._mesh.tab[e, :, 2:6], np.transpose(cubics), rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(f._mesh.tab[e, :, 6:] / elements, np.transpose(slopes), rtol=0.0, atol=1e-11)
-    powers = shape_polynomials(skfem.ElementLineHermite())
+    powers = shape_polynomial_coefficients(skfem.ElementLineHermite())
     np.testing.assert_allclose(powers, [[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], atol=1e-13)
 
 

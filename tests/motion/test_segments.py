@@ -70,12 +70,12 @@ def test_a_straight_rope_that_slides_through_its_contacts_feels_nothing(degree):
     along = [e[:, :1] * (one - xi) + e[:, 1:] * xi for e in ends]  # s, c, dc of the nodes (3, nn)
     nodal = [z[..., None] * b for z in along]
     nodal[1] = nodal[1] + one[:, None] * u
-    nodes, rows = segments.residual(segments.points(Motion(*nodal, *ends)))
+    nodes, rows = segments.node_and_end_rows(segments.fields_of_motion(Motion(*nodal, *ends)))
     scale = np.abs(nodes).max()
     assert np.abs(nodes[:, 1:-1]).max() < 1e-12 * scale
     assert np.abs(nodes[:-1, -1] + nodes[1:, 0]).max() < 1e-12 * scale
     assert np.abs(rows[1, :-1] + rows[0, 1:]).max() < 1e-12 * np.abs(rows).max()
     # must fail: nodes that do not follow the contact at the right
     ends[1] = ends[1] * [1.0, 1.01]
-    nodes, _ = segments.residual(segments.points(Motion(*nodal, *ends)))
+    nodes, _ = segments.node_and_end_rows(segments.fields_of_motion(Motion(*nodal, *ends)))
     assert np.abs(nodes[:, 1:-1]).max() > 1e-6 * scale

@@ -57,6 +57,7 @@ class Step(NamedTuple):
     start: Any  # (2, n)
     dt: float
     a: Any  # (s, n)
+    rule: Tableau
 
 
 @compiled
@@ -71,15 +72,15 @@ def collocate_until_event(
     for k in range(steps.a.shape[0]):
         if k > 0:
             set_weighted_sums(steps.extrapolation[k], steps.a[k - 1], steps.a[k])
-        step = Step(steps.inputs[k], steps.coupling, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
+        step = Step(steps.inputs[k], steps.coupling, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k], rule)
         for i in range(x.shape[0]):
             if steps.inputs.shape[2] > 3:  # with a car, `assemble_with_car` does this
                 set_mass_damping_stiffness(cable, instant_at_node(step, workspace.bands, i))
         result = steps.results[k]
-        solve_collocation_step(cable, rolling_car, workspace, step, rule, newton, result)
+        solve_collocation_step(cable, rolling_car, workspace, step, newton, result)
         if not result[0] <= newton.bound:
             return k
-        set_end_state(step, rule, steps.ends[k + 1])
+        set_end_state(step, steps.ends[k + 1])
         if not is_before_event(cable, rolling_car, step.inputs[-1], x[-1]):
             return k
         if steps.slack_ends and not result[4] >= 0.0:
@@ -106,7 +107,7 @@ def copy_to_part(matrix: Array | None, parts: Array, k: int) -> None:
 
 @inner
 def solve_collocation_step(
-    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, rule: Tableau, newton: Newton,
+    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, newton: Newton,
     result: Array,
 ) -> None:  # fmt: skip
     """Set the accelerations of a step by Newton's method, and its row of `Steps.results`.
@@ -117,7 +118,7 @@ def solve_collocation_step(
     anew = not old
     iterations = 0
     factorisations = 0
-    norm = set_states_and_residuals(cable, rolling_car, workspace, step, rule, result)
+    norm = set_states_and_residuals(cable, rolling_car, workspace, step, result)
     result[3] = 0  # counts those of corrections
     before = math.inf
     while iterations < newton.max_iter:
@@ -126,25 +127,31 @@ def solve_collocation_step(
             old = False
             workspace.kept_step[0] = step.dt
             factorisations += 1
-            assemble_and_factorise_tangents(cable, rolling_car, workspace, step, rule)
-        set_corrections(workspace, rule)
+            assemble_and_factorise_tangents(cable, rolling_car, workspace, step)
+        set_corrections(workspace, step.rule)
         before = norm
         limit = math.inf if iterations <= newton.patience else before
         halvings = 0 if old else newton.halvings
-        norm = correct_until_smaller(cable, rolling_car, workspace, step, rule, halvings, limit, result)
+        norm = correct_until_smaller(cable, rolling_car, workspace, step, halvings, limit, result)
         anew = not norm <= newton.reuse * before
         if norm <= newton.bound:
             break
         if old and not norm < before:
             subtract_scaled(-1.0, workspace.da, step.a)
-            norm = set_states_and_residuals(cable, rolling_car, workspace, step, rule, result)
+            norm = set_states_and_residuals(cable, rolling_car, workspace, step, result)
         elif not old and cannot_converge(norm, before, iterations, newton):
             break
-    if not (norm <= newton.bound and norm <= FAST_ENOUGH * before):
-        workspace.kept_step[0] = math.nan
+    forget_slow_factors(workspace, norm, before, newton)
     result[0] = norm
     result[1] = iterations
     result[2] = factorisations
+
+
+@inner
+def forget_slow_factors(workspace: Workspace, norm: float, before: float, newton: Newton) -> None:
+    """Let the next step make new factors, unless the last iteration with these was fast."""
+    if not (norm <= newton.bound and norm <= FAST_ENOUGH * before):
+        workspace.kept_step[0] = math.nan
 
 
 @inner
@@ -158,7 +165,7 @@ def cannot_converge(norm: float, before: float, iterations: int, newton: Newton)
 
 @inner
 def correct_until_smaller(
-    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, rule: Tableau, halvings: int,
+    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, halvings: int,
     limit: float, result: Array,
 ) -> float:  # fmt: skip
     """Correct the accelerations by da, or by halves of it until |r| is smaller than a limit; return |r|."""
@@ -166,7 +173,7 @@ def correct_until_smaller(
     norm = math.inf
     for _ in range(halvings + 1):
         subtract_scaled(fraction, workspace.da, step.a)
-        norm = set_states_and_residuals(cable, rolling_car, workspace, step, rule, result)
+        norm = set_states_and_residuals(cable, rolling_car, workspace, step, result)
         if norm < limit:
             break
         fraction = -0.5 if fraction == 1.0 else 0.5 * fraction  # takes half of the correction back
@@ -175,12 +182,12 @@ def correct_until_smaller(
 
 @inner
 def set_states_and_residuals(
-    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, rule: Tableau, result: Array
+    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, result: Array
 ) -> float:
     """Set states and residuals of the nodes, and the least tension at the last one; return |r| of all."""
     square = 0.0
     for i in range(step.a.shape[0]):
-        set_node_state(step, rule, i, workspace.x[i])
+        set_node_state(step, i, workspace.x[i])
         r = workspace.r[i]
         instant = instant_at_node(step, workspace.bands, i)
         result[4], result[5] = assemble_balance(
@@ -193,7 +200,7 @@ def set_states_and_residuals(
 
 
 @inner
-def set_node_state(step: Step, rule: Tableau, i: int, x: Array) -> None:
+def set_node_state(step: Step, i: int, x: Array) -> None:
     """Set the state x at a node: q = q0 + c dt v0 + dt^2 (A A a), v = v0 + dt A a."""
     q0 = step.start[0]
     v0 = step.start[1]
@@ -204,18 +211,18 @@ def set_node_state(step: Step, rule: Tableau, i: int, x: Array) -> None:
     for j in range(a.size):
         v[j] = v0[j]
         a[j] = step.a[i, j]
-        q[j] = q0[j] + dt * rule.c[i] * v0[j]
+        q[j] = q0[j] + dt * step.rule.c[i] * v0[j]
     for k in range(step.a.shape[0]):
         of = step.a[k]
-        once = dt * rule.A[i, k]
-        twice = dt * dt * rule.AA[i, k]
+        once = dt * step.rule.A[i, k]
+        twice = dt * dt * step.rule.AA[i, k]
         for j in range(a.size):
             v[j] += once * of[j]
             q[j] += twice * of[j]
 
 
 @inner
-def set_end_state(step: Step, rule: Tableau, end: Array) -> None:
+def set_end_state(step: Step, end: Array) -> None:
     """Set q and v at the end of a step, from the accelerations of its nodes."""
     q0 = step.start[0]
     v0 = step.start[1]
@@ -224,8 +231,8 @@ def set_end_state(step: Step, rule: Tableau, end: Array) -> None:
         twice = 0.0
         once = 0.0
         for i in range(step.a.shape[0]):
-            twice += rule.ends[0, i] * step.a[i, j]
-            once += rule.ends[1, i] * step.a[i, j]
+            twice += step.rule.ends[0, i] * step.a[i, j]
+            once += step.rule.ends[1, i] * step.a[i, j]
         end[0, j] = q0[j] + dt * (v0[j] + dt * twice)
         end[1, j] = v0[j] + dt * once
 
@@ -255,9 +262,10 @@ def subtract_scaled(fraction: float, da: Array, a: Array) -> None:
 
 @inner
 def assemble_and_factorise_tangents(
-    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, rule: Tableau
+    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step
 ) -> None:
     """Set `real` and `complex_pair` of a workspace to factors of the middle node's tangent, and its `scales`."""
+    rule = step.rule
     middle = rule.middle
     spare = np.empty(workspace.r.shape[1])
     instant = instant_at_node(step, workspace.bands, middle)
