@@ -117,34 +117,31 @@ class Described(Part):
         if {"cable.E", "cable.section"} & changes.keys() and cable["EA"] == product:
             del cable["EA"]  # it follows
         for key, value in changes.items():
-            try:
-                set_dotted_key(data, key, value)
-            except ValueError as error:
-                raise SceneError([str(error)]) from None
+            set_dotted_key(data, key, value)
         if isinstance(ground := data.get("ground"), str):
             data["ground"] = read_ground(ground, Path())
         return type(self)(**data)
 
 
 def set_dotted_key(data: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key; list items by name or number, "+1%" is relative; ValueError for an unknown key."""
+    """Set a dotted key; list items by name or number, "+1%" is relative; SceneError for an unknown key."""
     before, _, last = key.rpartition(".")
     table: Any = data
     for name in before.split(".") if before else ():
         table = table.setdefault(name, {}) if isinstance(table, dict) else _find_list_entry(table, name, key)
     if not isinstance(table, dict):
-        raise ValueError(f"{key}: {_why_no_table(table, before, last)}")
+        raise SceneError([f"{key}: {_why_no_table(table, before, last)}"])
     relative = isinstance(value, str) and RELATIVE.fullmatch(value)
     table[last] = _relative_value(table, last, key, value) if relative else value
 
 
 def _find_list_entry(tables: Any, name: str, key: str) -> Any:
-    """The table of that name or number in a list of tables; ValueError if there is none."""
+    """The table of that name or number in a list of tables; SceneError if there is none."""
     if isinstance(tables, list | tuple):
         for i, table in enumerate(tables):
             if isinstance(table, dict) and name in (table.get("name"), str(i)):
                 return table
-    raise ValueError(f"{key}: the scene has no such entry")
+    raise SceneError([f"{key}: the scene has no such entry"])
 
 
 def _why_no_table(content: Any, name: str, last: str) -> str:
@@ -157,10 +154,10 @@ def _why_no_table(content: Any, name: str, last: str) -> str:
 
 
 def _relative_value(table: dict[str, Any], name: str, key: str, percent: str) -> float:
-    """The number of that name, changed by "+1%"; ValueError if it is not given."""
+    """The number of that name, changed by "+1%"; SceneError if it is not given."""
     now = table.get(name)
     if not isinstance(now, int | float):
         given = [name for name, number in table.items() if isinstance(number, int | float)]
         what = f"relative to a number, which the scene does not give.{did_you_mean(name, given)}"
-        raise ValueError(f"{key} = {percent}: {what}")
+        raise SceneError([f"{key} = {percent}: {what}"])
     return now * (1.0 + float(percent[:-1]) / 100.0)

@@ -2,16 +2,67 @@
 
 from __future__ import annotations
 
+import copy
+import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
-import tomli_w
+from pydantic import PrivateAttr
 
 from cablefem.scene.cable import SHAPES
-from cablefem.scene.described import parse_toml, scene_text_and_name
+from cablefem.scene.described import parse_toml, scene_text_and_name, set_dotted_key
 from cablefem.scene.errors import SceneError
 from cablefem.scene.line import Line
 from cablefem.scene.scene import Scene
+from cablefem.scene.surroundings import read_ground
+
+CABLE_AT_REST = ("name", "gravity", "cable", "supports")  # keys of a scene that say how its cable hangs
+
+
+class LineOfOneSpan(Line):
+    """The line of two anchors and one car that the tables of one span describe; it takes their keys, too."""
+
+    _span_tables: dict[str, Any] = PrivateAttr()
+
+    @classmethod
+    def from_span_tables(cls, tables: dict[str, Any]) -> Self:
+        """The line of [supports], [mass], [travel] and [drive]; SceneError with all faults, in their keys."""
+        try:
+            line = cls(**line_tables_of_scene(tables))
+        except SceneError as error:
+            raise SceneError([_in_keys_of_span(fault) for fault in error.faults]) from None
+        line._span_tables = tables
+        return line
+
+    def replace(self, changes: Mapping[str, Any]) -> Line:  # type: ignore[override]
+        """As of a line; keys of the span are taken as of a scene, keys of [[contact]] and [[car]] as of any line."""
+        if not isinstance(changes, Mapping):
+            return super().replace(changes)
+        of_line = {key: value for key, value in changes.items() if key.partition(".")[0] in ("contact", "car")}
+        if not changes.keys() - of_line.keys():
+            return Line(**self._toml_tables()).replace(changes)
+        tables = copy.deepcopy(self._span_tables)
+        at_rest = {}
+        for key, value in changes.items():
+            if key.partition(".")[0] in CABLE_AT_REST:
+                at_rest[key] = value
+            elif key not in of_line:
+                set_dotted_key(tables, key, value)
+        if at_rest:
+            hanging = Scene(**{key: tables[key] for key in CABLE_AT_REST if key in tables}).replace(at_rest)
+            described = parse_toml(hanging.to_toml())
+            tables |= {key: described[key] for key in CABLE_AT_REST}
+        if isinstance(ground := tables.get("ground"), str):
+            tables["ground"] = read_ground(ground, Path())
+        line = type(self).from_span_tables(tables)
+        return line.replace(of_line) if of_line else line
+
+
+def _in_keys_of_span(fault: str) -> str:
+    """A fault of the car of a line, in the keys of one span."""
+    fault = re.sub(r"\bcar(\[0\]|\.car)\.(travel|drive)\b", r"\2", fault)
+    return re.sub(r"\bcar(\[0\]|\.car)\.", "mass.", fault)
 
 
 def load_line_or_none(name_or_path: str | Path) -> Line | None:
@@ -29,7 +80,9 @@ def load_line_or_none(name_or_path: str | Path) -> Line | None:
     wheels = mass.get("wheels", {})
     point = isinstance(wheels, dict) and wheels.get("model") == "point" and not wheels.get("base")
     if "hanger" in mass or ("wheels" in mass and not point):
-        return Line.from_toml(tomli_w.dumps(line_tables_of_scene(data)), name=name, folder=folder)
+        if isinstance(ground := data.get("ground"), str):
+            data["ground"] = read_ground(ground, folder)
+        return LineOfOneSpan.from_span_tables({"name": name, **data})
     return None
 
 
@@ -43,8 +96,7 @@ def line_tables_of_scene(data: dict[str, Any]) -> dict[str, Any]:
 
     Its rope is the same by unstretched length: a strain of it is 1 + T/EA of one at rest, with the mean T.
     """
-    described = {key: data[key] for key in ("name", "gravity", "cable", "supports") if key in data}
-    scene = Scene(**described)
+    scene = Scene(**{key: data[key] for key in CABLE_AT_REST if key in data})
     at_rest = scene.reference_catenary
     shorter = 1.0 - at_rest.mean_tension / scene.cable.EA
     rope = {key: value for key, value in data["cable"].items() if key not in SHAPES}

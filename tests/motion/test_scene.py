@@ -1,5 +1,7 @@
 """Lines in motion as a user writes them."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -169,6 +171,27 @@ def test_one_span_whose_car_has_two_wheels_is_a_line_with_the_same_cable(tmp_pat
         line_in_motion(on_platform, solve)
     (tmp_path / "span.toml").write_text(point)
     assert load_line_or_none(tmp_path / "span.toml") is None
+
+
+def test_a_line_of_one_span_takes_the_keys_of_its_file(tmp_path):
+    def load(text):
+        (tmp_path / "span.toml").write_text(text)
+        return load_line_or_none(tmp_path / "span.toml")
+
+    changes = {"mass.mass": 900.0, "travel.to": 320.0, "cable.horizontal_tension": 5e5, "supports.drop": -10.0}
+    written = SPAN
+    for key, value in changes.items():
+        name = key.rpartition(".")[2]
+        written = re.sub(rf"(?m)^{name} = .*$", f"{name} = {value}", written)
+        assert f"{name} = {value}" in written
+    changed = load(SPAN).replace(changes)
+    assert changed.to_toml() == load(written).to_toml()
+    assert changed.replace({"mass.mass": "+10%"}).car[0].mass == pytest.approx(990.0)
+    assert changed.replace({"car.car.mass": 800.0, "travel.to": 310.0}).to_toml().count("310.0") == 1
+    with pytest.raises(SceneError, match=r"^mass.mass = -3.0: must be a number > 0"):
+        changed.replace({"mass.mass": -3.0})
+    with pytest.raises(SceneError, match=r"^travel.too = 3.0: unknown key. Did you mean to?"):
+        changed.replace({"travel.too": 3.0})
 
 
 def test_what_takes_no_line_says_so():
