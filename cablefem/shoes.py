@@ -277,7 +277,7 @@ def downward_normals(rail: Rail, x: Array) -> Array:
     return np.stack([-slope, np.ones_like(slope)], axis=1) / np.hypot(1.0, slope)[:, None]
 
 
-def add_shoe_forces(
+def contacts_with_shoe_forces(
     line: MovingLine, cars: tuple[CarMotion, ...], contacts: tuple[ContactMotion, ...]
 ) -> tuple[ContactMotion, ...]:  # fmt: skip
     """The contacts with what cars put on their shoes."""

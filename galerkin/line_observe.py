@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array, Contact, MovingLine
-from cablefem.shoes import OffRopeState, add_shoe_forces, downward_normals, off_rope_motion_and_powers
+from cablefem.shoes import OffRopeState, contacts_with_shoe_forces, downward_normals, off_rope_motion_and_powers
 from galerkin.bodies import Body, CarBody, ContactState, Counterweight, Friction, PointCar, length
 from galerkin.segments import Layout, Rope, basis_functions_and_derivatives
 
@@ -54,7 +54,7 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
         powers |= own_powers
         energies += car.body.energies(at)
     kinetic, strain, potential = energies
-    loaded = add_shoe_forces(line, tuple(cars), tuple(contacts))
+    loaded = contacts_with_shoe_forces(line, tuple(cars), tuple(contacts))
     return LineMotion(
         t=np.array([x.t for x in states]), cars=tuple(cars), contacts=loaded, s=s, points=rope.points,
         tension=rope.tension, kinetic=kinetic, strain=strain, potential=potential, powers=powers,

@@ -104,10 +104,10 @@ class CableElements(System):
         """s_o of the mass."""
         return self.motion.position_with_rates(x.t, x.phase)[0]
 
-    def balance_times(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
+    def balance_times(self, t0: Array, t1: Array, end_weight: float, phase: int) -> Array:
         if self.motion is None:
-            return super().balance_times(t0, t1, w, phase)
-        return self.motion.balance_times(t0, t1, w, phase)
+            return super().balance_times(t0, t1, end_weight, phase)
+        return self.motion.balance_times(t0, t1, end_weight, phase)
 
     def states_over_time(self, states: States) -> States:
         return states

@@ -16,7 +16,7 @@ from cablefem.elements.trolley import Trolley
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import Array, State
 from cablefem.scene.contacts import Car, Contact
-from cablefem.shoes import OffRopeState, add_shoe_forces, downward_normals, off_rope_motion_and_powers
+from cablefem.shoes import OffRopeState, contacts_with_shoe_forces, downward_normals, off_rope_motion_and_powers
 
 if TYPE_CHECKING:
     from cablefem.elements.system import LineElements
@@ -93,7 +93,8 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
             potential = potential - hung * system.line.gravity * below[:, 1]
     points, tension = _rope_points_and_tensions(x, s)
     return LineMotion(
-        t=x.t, cars=cars, contacts=add_shoe_forces(system.line, cars, contacts), s=s, points=points, tension=tension,
+        t=x.t, cars=cars, contacts=contacts_with_shoe_forces(system.line, cars, contacts),
+        s=s, points=points, tension=tension,
         kinetic=kinetic, strain=_strain_energy(x), potential=potential, powers=powers,
     )  # fmt: skip
 

@@ -91,9 +91,9 @@ class System(Protocol):
         return collocate_first_step(self, phase, steps, rule, newton)
 
     # --- the length of steps -----------------------------------------------------------------------------
-    def balance_times(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        """Times (n,) of the mean places, weighted 1 - w and w."""
-        return (1.0 - w) * t0 + w * t1
+    def balance_times(self, t0: Array, t1: Array, end_weight: float, phase: int) -> Array:
+        """Times (n,) of the mean places, weighted 1 - end_weight and end_weight."""
+        return (1.0 - end_weight) * t0 + end_weight * t1
 
     def step_fraction(self, x: State, since_event: float, time_ahead: float = 0.0) -> float:
         """The fraction of a grid step to take from x.

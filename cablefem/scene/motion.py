@@ -54,12 +54,12 @@ class Motion:
         out[0, t == self.phases[-1][1]] = self.end
         return out
 
-    def balance_times(self, t0: np.ndarray, t1: np.ndarray, w: float, phase: int) -> np.ndarray:
-        """Times (n,) of the mean position w s_o(t1) + (1 - w) s_o(t0): a step is balanced there."""
+    def balance_times(self, t0: np.ndarray, t1: np.ndarray, end_weight: float, phase: int) -> np.ndarray:
+        """Times (n,) of the mean position end_weight s_o(t1) + (1 - end_weight) s_o(t0): a step is balanced there."""
         first = self.positions_with_rates(t0, phase)[0]
         last = self.positions_with_rates(t1, phase)[0]
-        mean = (1.0 - w) * first + w * last
-        t = (1.0 - w) * t0 + w * t1
+        mean = (1.0 - end_weight) * first + end_weight * last
+        t = (1.0 - end_weight) * t0 + end_weight * t1
         same = 1e-9  # error over the distance of a step
         for _ in range(20):  # Newton steps
             s, ds, _ = self.positions_with_rates(t, phase)

@@ -157,7 +157,7 @@ class QuasiStaticForces:
         self.brake_positions = [position for position, _ in drive.brakes]
         self.brake_force = [0.0, *np.cumsum([force for _, force in drive.brakes]).tolist()]
 
-    def balance(self, t: float, s: float, v: float, phase: int) -> ForceBalance:
+    def force_balance(self, t: float, s: float, v: float, phase: int) -> ForceBalance:
         """Forces on the car at s with the speed v = ds."""
         drive = self.drive
         mu = self.mu
@@ -178,7 +178,7 @@ class QuasiStaticForces:
 
     def excess_force(self, t: float, s: float, phase: int, brakes: int) -> float:
         """Signed force beyond what friction and brakes hold; else 0."""
-        free, normal, _, stretch = self.balance(t, s, 0.0, phase)
+        free, normal, _, stretch = self.force_balance(t, s, 0.0, phase)
         resistance = stretch * (self.drive.mu_r * normal + self.brake_force[brakes]) + STICKS
         return math.copysign(max(0.0, abs(free) - resistance), free)
 
@@ -278,7 +278,7 @@ class _RideSolver:
         self.phase = phase
         ahead = (
             forces.excess_force(self.t, s, self.phase, self.brakes)
-            or forces.balance(self.t + 1e-9, s, 0.0, self.phase).free
+            or forces.force_balance(self.t + 1e-9, s, 0.0, self.phase).free
         )
         before = self.motion_sign
         self.motion_sign = math.copysign(1.0, ahead)
@@ -330,7 +330,7 @@ class _RideSolver:
         braking = forces.brake_force[self.brakes]
 
         def rate(t: float, y: np.ndarray) -> list[float]:
-            free, normal, inertia, stretch = forces.balance(t, y[0], y[1], phase)
+            free, normal, inertia, stretch = forces.force_balance(t, y[0], y[1], phase)
             resistance = stretch * (mu_r * normal + braking)
             return [y[1], (free - sign * resistance) / inertia]
 
