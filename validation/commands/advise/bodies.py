@@ -117,20 +117,18 @@ def _point_errors_by_runs(body: LineRun, a: CarMotion, point: LineRun, b: CarMot
     """
     assert a.turning is not None
     end = min(body.end, point.end)
-    place = np.mean([wheel.point for wheel in a.turning.wheels] or [a.point], axis=0)  # (n, 2)
-    apart = body.at_common_instants(place, end) - point.at_common_instants(b.point, end)
+    middle = np.mean([wheel.point for wheel in a.turning.wheels] or [a.point], axis=0)  # of both wheels (n, 2)
+    distance = body.at_common_instants(middle, end) - point.at_common_instants(b.point, end)
     along = point.at_common_instants(b.slope_behind + b.slope_ahead, end)
-    across = along[:, 0] * apart[:, 1] - along[:, 1] * apart[:, 0]
+    across = along[:, 0] * distance[:, 1] - along[:, 1] * distance[:, 0]
     yield "path", float(np.max(np.abs(across) / np.linalg.norm(along, axis=1)))
     forces = [("tension", a.tension_ahead, b.tension_ahead), ("haul force", a.haul_force, b.haul_force)]
     loads = turning_and_wheel_load_series(b)
-    forces += [
-        (name, values, loads[name]) for name, values in turning_and_wheel_load_series(a).items() if name in loads
-    ]
+    for name, values in turning_and_wheel_load_series(a).items():
+        if name in loads:
+            forces.append((name, values, loads[name]))
     for need, of_body, of_point in forces:
         if np.isfinite(of_body).all():
-            means = [
-                x.at_common_instants(x.mean_over_axial_round_trip(values), end)
-                for x, values in ((body, of_body), (point, of_point))
-            ]
-            yield need, float(np.max(np.abs(means[0] - means[1])))
+            mean = body.at_common_instants(body.mean_over_axial_round_trip(of_body), end)
+            point_mean = point.at_common_instants(point.mean_over_axial_round_trip(of_point), end)
+            yield need, float(np.max(np.abs(mean - point_mean)))

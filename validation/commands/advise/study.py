@@ -187,7 +187,7 @@ def _refine_full_model(scene: Scene, view: View, tol: float, tolerances: dict[st
             Goal(gap_bars_in_space_and_time(ladder, view, *NEEDS[need]), SHARE * limit, FIRST)
             for need, limit in tolerances.items()
         ]
-        return max(goals, key=attrgetter("excess"))
+        return max(goals, key=lambda goal: goal.bar_over_target)
 
     return refine_until_goal_met(scene, ladder, worst_goal, budget=budget, until=view.last_needed_position)
 

@@ -204,9 +204,11 @@ class _Reference:
         """Errors of another code's path, dimensionless."""
         t = scene.time_scale * p.t
         path = np.stack(scene.groups.coordinates(p.s_o)) + np.stack([p.u, p.v])
-        inside = (p.s_o >= self.window[0]) & (p.s_o <= self.window[1]) & (t <= self.run.t[-1])
-        ours = CubicSpline(self.run.t, np.stack([self.run.x, self.run.y], axis=1))(t[inside])
-        gap = np.hypot(*(scene.length * path[:, inside] - ours.T)) / self.run.path_scale
+        low, high = self.window
+        inside = (p.s_o >= low) & (p.s_o <= high) & (t <= self.run.t[-1])
+        our_path = CubicSpline(self.run.t, np.stack([self.run.x, self.run.y], axis=1))
+        distances = scene.length * path[:, inside] - our_path(t[inside]).T  # (2, n)
+        gap = np.hypot(*distances) / self.run.path_scale
         return {"path_error": float(gap.max()), "path_rms": float(np.sqrt(np.mean(gap**2)))}
 
 

@@ -338,16 +338,17 @@ def _with_widened_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement
     """The ladder with bars of its finest run that are at least the gap to the other solver."""
     gap = {row.quantity: row.gap for row in rows if not row.law and math.isfinite(row.gap)}
 
-    def at_least(error: float | None, quantity: str) -> float | None:
+    def at_least_gap(error: float | None, quantity: str) -> float | None:
         return None if error is None else max(error, gap.get(quantity, 0.0))
 
-    run = replace(
-        ladder.finest, design=widen_bars_to_gaps(ladder.finest.design, counterpart.finest.design),
-        events=events_with_widened_bars(ladder.finest.events, counterpart.finest.events),
-        path_error=at_least(ladder.finest.path_error, "path_max"),
-        tension_error=at_least(ladder.finest.tension_error, "tension"),
-    )  # fmt: skip
-    return replace(ladder, finest=run)
+    r = ladder.finest
+    other = counterpart.finest
+    design = widen_bars_to_gaps(r.design, other.design)
+    events = events_with_widened_bars(r.events, other.events)
+    path_error = at_least_gap(r.path_error, "path_max")
+    tension_error = at_least_gap(r.tension_error, "tension")
+    widened = replace(r, design=design, events=events, path_error=path_error, tension_error=tension_error)
+    return replace(ladder, finest=widened)
 
 
 def with_third_party(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:

@@ -206,12 +206,12 @@ def _name_of_extreme(name: str, max_or_min: str) -> str:
 def envelope_columns(rest: LineRest) -> dict[str, Array]:
     """Columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions."""
     x = np.linspace(0.0, rest.line.contact[-1].at[0], STATIONS)
-    curves = [catenary_line.depth_and_tension(state, x) for state in rest.states.values()]
-    y, T = (
-        np.array([curve_for_grid_page[part] for curve_for_grid_page in curves]) for part in (0, 1)
-    )  # (positions, STATIONS)
+    curves = np.array([catenary_line.depth_and_tension(state, x) for state in rest.states.values()])
+    y = curves[:, 0]  # (positions, STATIONS)
+    T = curves[:, 1]
+    at_rest, _ = catenary_line.depth_and_tension(rest.empty, x)
     return {
-        "x": x, "y_rest": catenary_line.depth_and_tension(rest.empty, x)[0],
+        "x": x, "y_rest": at_rest,
         "y_highest": y.min(axis=0), "y_lowest": y.max(axis=0),
         "tension_max": T.max(axis=0), "tension_min": T.min(axis=0),
     }  # fmt: skip
@@ -303,14 +303,20 @@ class RestAnswers(LineAnswers):
             "empty_length": float(np.ptp(self.rest.empty.s)),
             "design": self.design, "limits": self.limits, "seconds": seconds,
         })  # fmt: skip
-        at_rest = list(self.rest.states)
-        # the ropes of some positions are drawn
-        drawn = [at_rest[k] for k in np.unique(np.linspace(0, len(at_rest) - 1, 7).round().astype(int))]
-        depths = {
-            str(i + 1): catenary_line.depth_and_tension(self.rest.states[i], profile["x"])[0].tolist() for i in drawn
-        }
+        depths = self._depths_at_some_positions(profile["x"])
         ropes = {"profile": {name: values.tolist() for name, values in profile.items()}, "depths": depths}
         write_json(folder / "ropes.json", store.nulls_for_nonfinite(ropes))
+
+    def _depths_at_some_positions(self, x: Array) -> dict[str, list[float]]:
+        """Depths of the rope over x at seven positions or fewer, by number of the position."""
+        at_rest = list(self.rest.states)
+        some = np.unique(np.linspace(0, len(at_rest) - 1, 7).round().astype(int))
+        depths = {}
+        for k in some:
+            i = at_rest[k]
+            depth, _ = catenary_line.depth_and_tension(self.rest.states[i], x)
+            depths[str(i + 1)] = depth.tolist()
+        return depths
 
     def print_answer(self, seconds: float) -> None:
         """Print outcome, limits, design numbers, and the first three positions without rest."""

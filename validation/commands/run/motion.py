@@ -219,25 +219,27 @@ class LineRuns:
         empty = line.solve_empty_line(catenary_line.solve)
         self.line = line_in_motion(line, catenary_line.solve)
         rope = self.line.rope
-        self.length = rope.length or float(np.ptp(empty.s)) * (1.0 + line.cable.thermal_strain)
+        thermal_stretch = 1.0 + line.cable.thermal_strain
+        self.length = rope.length or float(np.ptp(empty.s)) * thermal_stretch
         self.period = 2.0 * self.length * math.sqrt(rope.mass_per_length / rope.EA)
-        total = self.line.t_end
         N = float(np.nanmax(empty.station_tensions))
-        pitches = [
-            approximate_pitch_period(car.wheels, car.mass, N) for car in self.line.cars if car.wheels is not None
-        ]
+        wheels = [(car.wheels, car.mass) for car in self.line.cars if car.wheels is not None]
+        pitches = [approximate_pitch_period(pair, mass, N) for pair, mass in wheels]
         # a car that pitches sends waves along the rope, which damp it: a rope too coarse for them lets it ring
-        longest_span = float(np.diff(empty.s).max()) * (1.0 + line.cable.thermal_strain)
+        longest_span = float(np.diff(empty.s).max()) * thermal_stretch
         speed = math.sqrt(N / rope.mass_per_length)
         waves = max((longest_span / (speed * period) for period in pitches), default=0.0)
         waves = min(waves, 40.0)  # more take hours
         self.coarsest = max(method.coarsest, math.ceil(method.on_wave * waves / coarser))
-        # coarsest steps: 120 in a run, 4 in a period of the pitch
-        rate = max(120 / total, *(4.0 / (period * coarser) for period in pitches), 0.0)
-        self.grid = [np.linspace(t0, t1, max(2, math.ceil(rate * (t1 - t0))) + 1) for t0, t1 in self.line.phases]
-        if like is not None:
-            self.grid = [np.unique([t0, t1, *like.instants_between(t0, t1)]) for t0, t1 in self.line.phases]
-        self.instants = np.unique(np.concatenate(self.grid)) if like is None else like.instants_between(0.0, total)
+        phases = self.line.phases
+        if like is None:
+            # coarsest steps: 120 in a run, 4 in a period of the pitch
+            rate = max(120 / self.line.t_end, *(4.0 / (period * coarser) for period in pitches), 0.0)
+            self.grid = [np.linspace(t0, t1, max(2, math.ceil(rate * (t1 - t0))) + 1) for t0, t1 in phases]
+            self.instants = np.unique(np.concatenate(self.grid))
+        else:
+            self.grid = [np.unique([t0, t1, *like.instants_between(t0, t1)]) for t0, t1 in phases]
+            self.instants = like.instants_between(0.0, self.line.t_end)
         self.known: dict[tuple[int, int], LineRun] = {}  # runs made so far, by `run`'s arguments
 
     def instants_between(self, t0: float, t1: float) -> Array:

@@ -55,11 +55,10 @@ def _timetable_positions_by_car(moving: MovingLine) -> dict[str, Array]:
     count = 81  # instants of the timetables
     t = np.linspace(0.0, moving.t_end, count)
     phases = np.minimum(np.searchsorted(ends, t), len(ends) - 1).tolist()
-    columns = [
-        [moving.position_with_rates(car, at, phase)[0] for at, phase in zip(t.tolist(), phases, strict=True)]
-        for car in moving.cars
-    ]
-    positions = np.array(columns)  # (cars, count)
+    positions = np.empty((len(moving.cars), count))
+    for i, car in enumerate(moving.cars):
+        for k, phase in enumerate(phases):
+            positions[i, k] = moving.position_with_rates(car, float(t[k]), phase)[0]
     moves = np.append(True, np.any(np.diff(positions, axis=1) != 0.0, axis=0))
     return dict(zip([car.name for car in moving.cars], positions[:, moves], strict=True))
 

@@ -186,11 +186,11 @@ def _explorer_data(study: Study, file: Path, rows: DataFrame) -> dict[str, Any]:
     """What explorer.js shows: curves of scenes across their axes, and a table with the command of each."""
     names = [*study.axes, *DESIGN, "max_deflection", "path_error", "seconds", "status", "verdict", "method"]
     logs = _logarithmic_axes(study)
-    columns = [
-        {"name": _label_with_unit(name), "log": name in logs, "values": [_json_value(x) for x in rows[name].tolist()]}
-        for name in dict.fromkeys(names)
-        if rows[name].notna().any()
-    ]
+    columns = []
+    for name in dict.fromkeys(names):
+        if rows[name].notna().any():
+            values = list(map(_json_value, rows[name].tolist()))
+            columns.append({"name": _label_with_unit(name), "log": name in logs, "values": values})
     return {"study": str(file), "index": rows.index.tolist(), "columns": columns}
 
 

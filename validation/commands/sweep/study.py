@@ -157,11 +157,11 @@ class Study(Part):
         """Values of the axes at a point, 0 <= index < len(self)."""
         if not 0 <= index < len(self):
             raise Refused(f"scene {index}: {self.name} has the scenes 0 to {len(self) - 1}")
-        if self.sample is not None:
-            shares = _unit_cube_samples(self.sample.kind, self.sample.count, self.sample.seed, len(self.axes))[index]
-            return {
-                name: axis.value_at_share(share) for (name, axis), share in zip(self.axes.items(), shares, strict=True)
-            }
+        sample = self.sample
+        if sample is not None:
+            shares = _unit_cube_samples(sample.kind, sample.count, sample.seed, len(self.axes))[index]
+            axes = zip(self.axes.items(), shares, strict=True)
+            return {name: axis.value_at_share(share) for (name, axis), share in axes}
         at = np.unravel_index(index, [len(axis.values) for axis in self.axes.values()])
         return {name: axis.values[i] for (name, axis), i in zip(self.axes.items(), at, strict=True)}
 
