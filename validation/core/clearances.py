@@ -78,7 +78,8 @@ def _merged_in_time_order(*parts: tuple[Array, ...]) -> Track:
 def _rope_height_at_car(r: Response, ground: Array) -> Track:
     """Height of the rope at the car over the ground (n, 2) [x, depth], at steps and at the ground's points."""
     over = (r.x > ground[0, 0]) & (r.x < ground[-1, 0])
-    parts = [(r.t[over], np.interp(r.x[over], *ground.T) - r.y[over], r.s_o[over])]
+    depth_of_ground = np.interp(r.x[over], *ground.T)
+    parts = [(r.t[over], depth_of_ground - r.y[over], r.s_o[over])]
     for x, depth in ground:
         i = np.flatnonzero((r.x[:-1] < x) != (r.x[1:] < x))  # steps before the car passes x
         w = (x - r.x[i]) / (r.x[i + 1] - r.x[i])
@@ -94,7 +95,9 @@ def _min_rope_height_at_frames(r: Response, ground: Array) -> Track:
     s = np.full(len(rope.x), np.nan)
     for k, (x_rope, y_rope) in enumerate(zip(rope.x, rope.y, strict=True)):
         corners = np.union1d(x_rope, ground[:, 0])
-        x = corners[(corners >= max(x_rope[0], ground[0, 0])) & (corners <= min(x_rope[-1], ground[-1, 0]))]
+        begin = max(x_rope[0], ground[0, 0])
+        end = min(x_rope[-1], ground[-1, 0])
+        x = corners[(corners >= begin) & (corners <= end)]
         if x.size:
             height = np.interp(x, *ground.T) - np.interp(x, x_rope, y_rope)
             heights[k] = height.min()

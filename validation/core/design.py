@@ -13,6 +13,7 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cablefem.newmark import scheme
 from cablefem.response import Array, Response
@@ -381,7 +382,7 @@ class Signal:
 
     def _extremes_along_cable(self, track: Track) -> Track:
         """Extremes (n,) along the cable of the means over the period, at frames without nan."""
-        rows = (track.t >= self.span[0] * (1.0 - ROUNDING)) & (track.t <= self.span[1] * (1.0 + ROUNDING))
+        rows = self._is_in_span(track.t)
         rows &= np.isfinite(track.value).all(axis=1)
         t = track.t[rows]
         value = track.value[rows]
@@ -390,11 +391,17 @@ class Signal:
         if self.period:  # at least over neighbouring frames
             sums = np.concatenate([0.0 * value[:1], np.cumsum(value, axis=0)])
             k = np.arange(t.size)
-            first = np.minimum(np.searchsorted(t, t - 0.5 * self.period), np.maximum(k - 1, 0))
-            last = np.maximum(np.searchsorted(t, t + 0.5 * self.period, side="right"), np.minimum(k + 2, t.size))
+            half = 0.5 * self.period
+            first = np.minimum(np.searchsorted(t, t - half), np.maximum(k - 1, 0))
+            last = np.maximum(np.searchsorted(t, t + half, side="right"), np.minimum(k + 2, t.size))
             value = (sums[last] - sums[first]) / (last - first)[:, None]
         at = (self.quantity.sign * value).argmax(axis=1)
         return Track(t, value[np.arange(t.size), at], track.s[at])
+
+    def _is_in_span(self, t: Array) -> NDArray[np.bool_]:
+        """At which times t lies in the span, up to rounding."""
+        begin, end = self.span
+        return (t >= begin * (1.0 - ROUNDING)) & (t <= end * (1.0 + ROUNDING))
 
     def _samples_in_span(self, track: Track) -> Track:
         """Samples in the span of times, its ends included, where the signal is finite."""
@@ -402,7 +409,7 @@ class Signal:
         t = track.t[has_value]
         value = track.value[has_value]
         s = track.s[has_value]
-        rows = (t >= self.span[0] * (1.0 - ROUNDING)) & (t <= self.span[1] * (1.0 + ROUNDING))
+        rows = self._is_in_span(t)
         inside = t[rows]
         if self.quantity.anywhere or inside.size == 0:
             return Track(inside, value[rows], s[rows])

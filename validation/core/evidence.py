@@ -36,9 +36,10 @@ class Windows:
         end = min(until, float(r.t[-1]))
         if r.drive != "free":
             begin, end = np.interp(np.array(window) * r.length, r.s_o, r.t)
-        t = r.fields.t[(r.fields.t >= begin * (1.0 - ROUNDING)) & (r.fields.t <= end * (1.0 + ROUNDING))]
+        t = r.fields.t[_is_within(r.fields.t, begin, end)]
         count = 12  # frames per window: 0.06 of the travel
-        frames = np.append(t[:-1][:: min(count, max(1, t.size // 4))], t[-1:])
+        every = min(count, max(1, t.size // 4))
+        frames = np.append(t[:-1:every], t[-1:])
         inner = frames[(frames > begin * (1.0 + ROUNDING)) & (frames < end * (1.0 - ROUNDING))]
         return cls(frames, np.concatenate([[begin], inner, [end]]))
 
@@ -116,7 +117,7 @@ class Evidence:
         r = self.r
         t = self.windows.steps
         off = (r.s_o > ROUNDING * r.length) & (r.s_o < (1.0 - ROUNDING) * r.length)
-        return off & (r.t >= t[0] * (1.0 - ROUNDING)) & (r.t <= t[-1] * (1.0 + ROUNDING))
+        return off & _is_within(r.t, t[0], t[-1])
 
     @cached_property
     def window_frame_indices(self) -> NDArray[np.intp]:
@@ -211,8 +212,9 @@ class Evidence:
         """Sizes (n,) [N] of rolling friction, and of all brakes together."""
         r = self.r
         drive = self.data.drive
+        friction = drive.get("rolling_friction", 0.0) * np.abs(r.F_contact)
         brakes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
-        return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *brakes], axis=0)
+        return friction, np.sum([np.zeros(r.t.size), *brakes], axis=0)
 
     def grip_power(self, T_behind: Array, T_ahead: Array) -> Array:
         """Power of a grip (n,) [W]: ds_o (-contact . <r'> + <N t> . [r'] - [W]), W = N^2/(2 EA) at equal rest."""
@@ -242,13 +244,11 @@ class Evidence:
         pairs = []
         for i, k in enumerate(self.window_frame_indices):
             rows = np.stack([f.s, f.x + f.u[k], f.y + f.v[k], f.du[k], f.dv[k], f.T_static, f.T[k]], axis=1)
-            behind, ahead = (
-                np.r_[s_o[i], points[i], velocities[side][i], T_static[i], T[k]]
-                for side, T in enumerate((f.T_behind, f.T_ahead))
-            )
-            before = rows[f.s < s_o[i] * (1.0 - ROUNDING)]
-            after = rows[f.s > s_o[i] * (1.0 + ROUNDING)]
-            pairs.append((Side.from_rows(np.vstack([before, behind])), Side.from_rows(np.vstack([ahead, after]))))
+            car_behind = np.r_[s_o[i], points[i], velocities[0][i], T_static[i], f.T_behind[k]]  # (7,)
+            car_ahead = np.r_[s_o[i], points[i], velocities[1][i], T_static[i], f.T_ahead[k]]
+            behind = np.vstack([rows[f.s < s_o[i] * (1.0 - ROUNDING)], car_behind])
+            ahead = np.vstack([car_ahead, rows[f.s > s_o[i] * (1.0 + ROUNDING)]])
+            pairs.append((Side.from_rows(behind), Side.from_rows(ahead)))
         return pairs
 
     @cached_property
@@ -312,6 +312,11 @@ class Evidence:
             "hold": holding_force * self.travel_speed,
             **lost,
         }
+
+
+def _is_within(t: Array, begin: float, end: float) -> NDArray[np.bool_]:
+    """At which times t lies in a span, up to rounding."""
+    return (t >= begin * (1.0 - ROUNDING)) & (t <= end * (1.0 + ROUNDING))
 
 
 def _array_fields(x: Any) -> dict[str, Array]:

@@ -239,18 +239,22 @@ def cable_ends_at_rest_defect(evidence: Evidence) -> Defect:
     """The cable ends at its supports; over the span."""
     f = evidence.r.fields
     data = evidence.data
-    return _defect_without_position(*(np.array([f.x[0], f.y[0], f.x[-1] - data.span, f.y[-1] - data.drop]) / data.span))
+    at_right = f.x[-1] - data.span, f.y[-1] - data.drop
+    return _defect_without_position(*(np.array([f.x[0], f.y[0], *at_right]) / data.span))
 
 
 @_register_law("length at rest", exact=True)
 def cable_length_at_rest_defect(evidence: Evidence) -> Defect:
     """Stations measure arc length up to the length asked for (heat, ice: unstretched); over it."""
-    s = evidence.r.fields.s
+    r = evidence.r
+    s = r.fields.s
     name, value = evidence.data.prescribed
-    strain = CubicSpline(s, evidence.r.fields.T_static / evidence.data.EA).integrate(s[0], s[-1]) / s[-1]
-    length = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, evidence.r.length)
-    off_arc = float(np.abs(np.cumsum(_arc_lengths(evidence.rest_curve(s))) - s[1:]).max())
-    return _defect_without_position(*(np.array([s[0], off_arc, evidence.r.length - s[-1], s[-1] - length]) / s[-1]))
+    strain_along = CubicSpline(s, r.fields.T_static / evidence.data.EA)
+    strain = strain_along.integrate(s[0], s[-1]) / s[-1]
+    length = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, r.length)
+    arc = np.cumsum(_arc_lengths(evidence.rest_curve(s)))
+    off_arc = float(np.abs(arc - s[1:]).max())
+    return _defect_without_position(*(np.array([s[0], off_arc, r.length - s[-1], s[-1] - length]) / s[-1]))
 
 
 @_register_law("shape at rest", exact=True)
@@ -273,8 +277,9 @@ def cable_forces_at_rest_defect(evidence: Evidence) -> Defect:
     H = evidence.r.horizontal_tension
     weight = evidence.data.rho * evidence.data.gravity
     force = evidence.r.fields.T_static[:, None] * evidence.rest_curve(s, 1)
-    falls = force[0, 1] - force[:, 1] - weight * s
-    return _defect_without_position(np.abs(force[:, 0] - H).max() / H, np.abs(falls).max() / (weight * s[-1]))
+    off_weight = force[0, 1] - force[:, 1] - weight * s
+    off_H = np.abs(force[:, 0] - H).max() / H
+    return _defect_without_position(off_H, np.abs(off_weight).max() / (weight * s[-1]))
 
 
 # --- travel and drive --------------------------------------------------------------------------------
@@ -305,7 +310,8 @@ def _largest_gap_to_table(evidence: Evidence) -> float:
     for (a, b), position in zip(pairwise(travel["times"]), travel["positions"][1:], strict=True):
         piece = (r.t >= a) & (r.t <= b) & (r.t <= t[-1])
         if piece.sum() >= 4 and t[0] <= b <= stop:
-            off.append(np.polyfit(r.t[piece][-4:] - b, r.s_o[piece][-4:], 3)[-1] - (position + start))
+            at_end = np.polyfit(r.t[piece][-4:] - b, r.s_o[piece][-4:], 3)[-1]  # s_o [m]
+            off.append(at_end - (position + start))
     return float(np.abs(off).max())
 
 
@@ -343,7 +349,8 @@ def drive_and_event_defect(evidence: Evidence) -> Defect:
             off.append(min(abs(event[column] - value) for value in values) / scale)
     if r.drive == "free" and forces.any():
         smooth = np.abs(r.t[:, None] - times).min(axis=1) > 1e-6 * T
-        off.append(np.abs(r.F_haul - evidence.thrust_or_haul_force)[smooth].max() / float(np.abs(forces).max()))
+        off_thrust = np.abs(r.F_haul - evidence.thrust_or_haul_force)[smooth]
+        off.append(off_thrust.max() / float(np.abs(forces).max()))
     return _defect_without_position(float(np.abs(off).max()))
 
 
@@ -371,7 +378,8 @@ def position_less_displacement_defect(evidence: Evidence) -> Defect:
     """p = X(s_o) + w; over the largest deflection."""
     r = evidence.r
     k = evidence.steps_in_windows_off_supports
-    off = np.stack([r.x - r.u, r.y - r.v], axis=1)[k] - evidence.rest_curve(r.s_o[k])
+    at_rest = np.stack([r.x - r.u, r.y - r.v], axis=1)[k]
+    off = at_rest - evidence.rest_curve(r.s_o[k])
     return _defect_without_position(float(np.abs(off).max()) / r.max_deflection)
 
 
@@ -469,7 +477,8 @@ def min_tension_steps_vs_frames_defect(evidence: Evidence) -> Defect:
     r = evidence.r
     f = r.fields
     k = evidence.window_frame_indices
-    of_frames = np.minimum(f.T[k].min(axis=1), np.minimum(f.T_behind[k], f.T_ahead[k]))
+    at_mass = np.minimum(f.T_behind[k], f.T_ahead[k])
+    of_frames = np.minimum(f.T[k].min(axis=1), at_mass)
     of_steps = evidence.interpolate_steps(evidence.window_times, r.tension_min[:, None])[:, 0]
     return _defect_at_window_times(evidence, (of_steps - of_frames) / r.horizontal_tension)
 
@@ -563,7 +572,8 @@ def displacement_from_velocity_defect(evidence: Evidence) -> Defect:
     f = evidence.r.fields
     tangent = evidence.rest_curve(f.s, 1)
     sine = np.sin(math.pi / f.s[-1] * f.s)
-    w, dw = ((tangent[:, 0] * b - tangent[:, 1] * a) @ sine for a, b in ((f.u, f.v), (f.du, f.dv)))
+    w = (tangent[:, 0] * f.v - tangent[:, 1] * f.u) @ sine  # (frames,)
+    dw = (tangent[:, 0] * f.dv - tangent[:, 1] * f.du) @ sine
     # a station at the mass has the velocity behind it: the mean of both sides counts
     at = np.searchsorted(f.s, f.s_o * (1.0 - ROUNDING)).clip(max=f.s.size - 1)
     kink = evidence.r.slope_behind - evidence.r.slope_ahead

@@ -401,7 +401,8 @@ def _numbers_at_contact(
 
 def _degrees_of_bend(behind: Array, ahead: Array) -> float:
     """Angle [deg] between two forces (2,), positive where the rope bends down."""
-    return math.degrees(math.atan2(float(behind[0] * ahead[1] - behind[1] * ahead[0]), float(behind @ ahead)))
+    cross = float(behind[0] * ahead[1] - behind[1] * ahead[0])
+    return math.degrees(math.atan2(cross, float(behind @ ahead)))
 
 
 def _largest_sag(rope: RopeAtRest, first: int, last: int) -> float:
@@ -424,7 +425,9 @@ def _min_height_over_ground(ground: Array, rope: RopeAtRest) -> float | None:
     points = [np.stack([corners, rope.depth_and_tension_at_x(corners)[0]], axis=1)]
     points += [rope.points_closest_to_slope(slope) for slope in np.diff(depth) / np.diff(x)]
     x_rope, y = np.concatenate(points).T
-    within = (x_rope >= max(x[0], rope.points[0, 0])) & (x_rope <= min(x[-1], rope.points[-1, 0]))
+    begin = max(x[0], rope.points[0, 0])
+    end = min(x[-1], rope.points[-1, 0])
+    within = (x_rope >= begin) & (x_rope <= end)
     heights = np.interp(x_rope[within], x, depth) - y[within]
     return float(heights.min()) if heights.size else None
 

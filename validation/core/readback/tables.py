@@ -99,14 +99,17 @@ def event_row_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
     """A fault unless an event with these numbers is stored; an empty cell fits all."""
     event, t, s_o, speed = cells
     texts = [f"{t} s", f"{s_o} m", f"{speed} km/h"]
-    for row in stored.events:
-        shown = [
-            text[0] == " " or shows_value(text, row[name], unit, bar=row.get(f"bar_{name}"))
-            for text, name, unit in zip(texts, ("t", "s_o", "speed"), ("s", "m", "m/s"), strict=True)
-        ]
-        if row["event"].replace("_", " ") == event and all(shown):
-            return
-    yield f"{event} {', '.join(texts)}: no such event is stored"
+    if not any(row["event"].replace("_", " ") == event and _shows_event(texts, row) for row in stored.events):
+        yield f"{event} {', '.join(texts)}: no such event is stored"
+
+
+def _shows_event(texts: Sequence[str], row: Row) -> bool:
+    """Whether texts show time, position and speed of an event."""
+    for text, name, unit in zip(texts, ("t", "s_o", "speed"), ("s", "m", "m/s"), strict=True):
+        is_empty = text[0] == " "
+        if not is_empty and not shows_value(text, row[name], unit, bar=row.get(f"bar_{name}")):
+            return False
+    return True
 
 
 def _comparison_row_faults(cells: Sequence[str], stored: StoredResults) -> Faults:

@@ -95,10 +95,10 @@ def shows_design_number(text: str, row: Row) -> bool:
         return text == "the car never passes"
     parts = text.split(" = ")
     endings = ["m/s", "km/h"] if row["unit"] == "m/s" else [""]
-    return [True] * len(endings) == [
-        part.endswith(endings[i % len(endings)]) and shows_value(part, row["value"], row["unit"], bar=row.get("bar"))
-        for i, part in enumerate(parts)
-    ]
+    if len(parts) != len(endings):
+        return False
+    have_units = all(part.endswith(ending) for part, ending in zip(parts, endings, strict=True))
+    return have_units and all(shows_value(part, row["value"], row["unit"], bar=row.get("bar")) for part in parts)
 
 
 def contents_of_tags(tag: str, html_text: str) -> list[str]:
