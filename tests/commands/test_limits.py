@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import tomllib
 from pathlib import Path
 
@@ -11,8 +12,10 @@ import cablefem as cf
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.limits import CASES
 from cablefem.scene.line import Line
+from tests.commands.calls import QUICK
 from validation.commands.run.study import rechecked_quasi_static_run
 from validation.core import limits, readback, recomputed
+from validation.core.readback import plain_text
 
 pytestmark = pytest.mark.usefixtures("without_animation")
 
@@ -183,6 +186,27 @@ def test_a_grid_has_the_worst_limit_of_each_scene(cablefem):
 def test_a_wind_case_is_a_pressure_on_the_face_of_the_rope(case, pressure):
     scene = Scene.load("zipline").replace({"cable.diameter": 0.016, **CASES[case]["set"]})
     assert scene.wind.force_per_length(0.016) == pytest.approx(0.016 * pressure)
+
+
+def test_a_wind_across_says_what_of_it_is_left_out(cablefem):
+    """Tensions in storm are those in calm air: terminal, page and table say so, with the load of the rope."""
+    scene = Scene.load("zipline").replace({"cable.diameter": 0.02, **CASES["storm"]["set"]})
+    down = 0.589 * 9.81
+    factor = math.hypot(0.02 * 700.0, down) / down
+    assert scene.wind_tilt == pytest.approx(math.degrees(math.acos(1.0 / factor)), rel=1e-2)  # stretched: lighter
+    storm = ("run", "zipline", "--set", "cable.diameter=0.02", "--case", "storm")
+    for model, holds in (("quasi-static", "nothing of it"), ("full", "only how it damps the rope")):
+        code, out, _ = cablefem(*storm, "--model", model, *(QUICK[2:] if model == "full" else ()), "--out", model)
+        assert code == 0
+        page = Path(model, "report.html").read_text()
+        for text in (out, plain_text(page)):
+            said = re.search(rf"the numbers hold {holds}\. Its force .* ([\d.]+) times its weight", text)
+            assert float(said[1]) == pytest.approx(factor, rel=1e-2)
+    code, out, _ = cablefem(*storm, "--case", "ice", "--model", "quasi-static", "--out", "grid")
+    rows = json.loads(Path("grid/grid/grid.json").read_text())["rows"]
+    assert [row.get("crosswind_load") for row in rows] == [pytest.approx(factor, rel=1e-2), None]
+    assert "left out: load with the wind across over the rope's weight" in out
+    assert "times its weight" not in cablefem("run", "zipline", "--model", "quasi-static", "--out", "calm")[1]
 
 
 def test_load_cases_make_a_grid_and_say_what_is_missing(cablefem):

@@ -23,6 +23,7 @@ COMMANDS = {
     "quasi-static": ("run", "zipline", "--model", "quasi-static"),
     "a car that stays": ("run", "zipline", "--model", "quasi-static", "--set", "drive.rolling_friction=0.5"),
     "a steep line": ("run", "zipline", "--model", "quasi-static", "--set", "supports.drop=1200"),
+    "a crosswind": ("run", "zipline", "--model", "quasi-static", "--set", "cable.diameter=0.02", "--case", "storm"),
     "a heavy rider": ("run", "zipline", "--model", "quasi-static", "--set", "mass.mass=1e7"),
     "a check of a ride": ("check", "zipline", "--tol", "0.1", "--verbose", "--set", "drive.end.place=60"),
 }

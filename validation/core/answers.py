@@ -16,6 +16,30 @@ from validation.core.measures import last_time_valid_in_all, position_where_mass
 STATIONS = 201  # stations of profile.csv
 
 
+def crosswind_load_factor(scene: Scene) -> float | None:
+    """Load of the rope across and down over its weight, sqrt(q^2 + w^2)/q; None without wind across the line.
+
+    q, w : weight of the rope and mean force of the wind on it [N/m].
+    """
+    if scene.wind is None or scene.wind.across == 0.0:
+        return None
+    q = scene.catenary.weight
+    w = scene.wind.force_per_length(scene.cable.diameter_with_ice)
+    return math.hypot(q, w) / q
+
+
+def crosswind_sentences(scene: Scene, model: str) -> str:
+    """What the numbers of a run by a model hold of the wind across the line, and what not; "" without it."""
+    factor = crosswind_load_factor(scene)
+    if factor is None or scene.wind is None:
+        return ""
+    across = scene.wind.force_per_length(scene.cable.diameter_with_ice)
+    loads = f"with {across:.4g} N/m across and {scene.catenary.weight:.4g} N/m down"
+    holds = "nothing of it" if model == "quasi-static" else "only how it damps the rope"
+    left_out = f"Its force on rope and car is left out: {loads} the rope's load is {factor:.3f} times its weight"
+    return f"wind of {scene.wind.across:.4g} m/s across the line: the numbers hold {holds}. {left_out}"
+
+
 class Outcome(NamedTuple):
     """How a run ends, in one word and in a sentence."""
 

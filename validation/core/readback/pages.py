@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 
 from validation.core.readback.limits import limit_table_faults
 from validation.core.readback.side_view import side_view_faults
 from validation.core.readback.stored import Faults, StoredResults
 from validation.core.readback.tables import table_faults, verdict_count_faults
+from validation.core.readback.terminal import crosswind_faults
 from validation.core.readback.texts import contents_of_tags, plain_text
 
 SECTIONS = ("answer", "side-view", "ride", "tension", "scene", "how-sure", "rests")
@@ -34,6 +36,11 @@ def page_faults(html_text: str, command: str, stored: StoredResults) -> Faults:
         yield f"{summary!r} where the outcome is {stored.outcome!r}"
     if stored.rows:
         yield from verdict_count_faults(summary, stored)
+    wind = re.search(r"Wind of [^:]*: the numbers hold [^:]*: .*? weight", plain_text(answer))
+    if wind is None and stored.run_of_method(0)["scene"].get("wind", {}).get("across", 0.0) > 0.0:
+        yield "the page does not say what is left out of the wind across the line"
+    if wind is not None:
+        yield from crosswind_faults(wind[0], stored)
     text = "".join(sections.values())
     yield from limit_table_faults(text, stored.limits)
     for table in contents_of_tags("table", text):

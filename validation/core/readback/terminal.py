@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
+
+import numpy as np
 
 from validation.core.readback.limits import LIMIT_VERDICT, expected_scope_sentences, limit_row_faults
 from validation.core.readback.stored import Faults, StoredResults, read_package_toml, worst_asked_verdict
@@ -15,6 +18,7 @@ from validation.core.readback.tables import (
     verdict_count_faults,
 )
 from validation.core.readback.texts import quantity_words, shows_value
+from validation.core.scene_data import SceneData
 
 
 def _printed_limit_faults(text: str, stored: StoredResults) -> Faults:
@@ -74,6 +78,20 @@ def _printed_slack_faults(text: str, stored: StoredResults) -> Faults:
         yield f"{text!r} is not the stored slack onset"
 
 
+def crosswind_faults(text: str, stored: StoredResults) -> Faults:
+    """Faults of what is said of wind across the line: its speed, both loads of the rope and their factor."""
+    run = stored.run_of_method(0)
+    data = SceneData(run["rest"]["scene_toml"], run["rest"]["length"])
+    across = data.crosswind_force()
+    down = data.rho * data.gravity
+    expected = [data.wind["across"], across, down, math.hypot(across, down) / down]
+    holds = "nothing of it" if stored.summaries[0]["model"] == "quasi-static" else "only how it damps the rope"
+    shown = [float(number) for number in re.findall(r"\d[\d.]*(?:e[+-]\d+)?", text)]
+    same = 1e-3  # relative, of four digits
+    if len(shown) != len(expected) or not np.allclose(shown, expected, rtol=same, atol=0.0) or holds not in text:
+        yield f"{text!r}: {expected} follow, and the numbers hold {holds}"
+
+
 def _limit_scope_faults(text: str, stored: StoredResults) -> Faults:
     """What a text is for, and whether the scene is that."""
     names = read_package_toml("cablefem.scene", "limits.toml")["text"]
@@ -116,6 +134,7 @@ def _printed_third_party_faults(text: str, stored: StoredResults) -> Faults:
 
 
 LINE_CHECKS: tuple[tuple[str, Callable[[str, StoredResults], Faults]], ...] = (
+    (r"  wind of ", crosswind_faults),
     (r"  slack somewhere from car at ", _printed_slack_faults),
     (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", no_faults_in_words),
     (r"  by \S+ \(", _printed_run_faults),

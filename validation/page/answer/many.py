@@ -13,7 +13,7 @@ from markupsafe import Markup
 from cablefem.response import Response, atomic_write, write_json, write_text
 from cablefem.scene import Scene
 from validation.core import limits, store
-from validation.core.answers import outcome_of_run
+from validation.core.answers import crosswind_load_factor, outcome_of_run
 from validation.core.quantities import factor_and_prefixed_unit, quantity_words
 from validation.core.sidebyside import map_in_parallel
 from validation.page import report, terminal
@@ -43,6 +43,7 @@ HEADS = {
     "farthest_m": "farthest point [m]",
     "clearance_rope_min": "clearance, rope [m]",
     "clearance_car_min": "clearance, car [m]",
+    "crosswind_load": "left out: load with the wind across over the rope's weight",
     "limits_met": "limits",
     "limits_worst": "worst limit",
     "verdict": "verdict",
@@ -96,6 +97,8 @@ def answer_table_row(scene: Scene, r: Response, verdict: str | None = None) -> R
         out["rests_at_m"] = stops[-1] if rests else None
         out["farthest_m"] = float(r.s_o.max())
     out |= _worst_table_numbers(r.design) | limits.worst_limit_columns(limits.limit_rows(scene, r.design, r.events))
+    if (factor := crosswind_load_factor(scene)) is not None:
+        out["crosswind_load"] = factor
     if verdict is not None:
         out["verdict"] = verdict
     return out
@@ -181,7 +184,7 @@ def _print_grid_table(rows: list[Row], columns: Columns) -> None:
 def run_table_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table of runs: varied values, outcomes, common numbers, verdicts."""
     out = {key: Column(key) for key in keys}
-    for name in ("outcome", "arrival_km_h", *POSITIONS, *NUMBERS, *LIMITS, "verdict"):
+    for name in ("outcome", "arrival_km_h", *POSITIONS, *NUMBERS, "crosswind_load", *LIMITS, "verdict"):
         values = [x[name] for x in rows if x.get(name) is not None]
         if not values:
             continue
