@@ -39,15 +39,19 @@ class LineOfOneSpan(Line):
         """As of a line; keys of the span are taken as of a scene, keys of [[contact]] and [[car]] as of any line."""
         if not isinstance(changes, Mapping):
             return super().replace(changes)
-        of_line = {key: value for key, value in changes.items() if key.partition(".")[0] in ("contact", "car")}
-        if not changes.keys() - of_line.keys():
+        of_line = {key: value for key, value in changes.items() if _first_name(key) in ("contact", "car")}
+        of_span = {key: value for key, value in changes.items() if key not in of_line}
+        if not of_span:
             return Line(**self._toml_tables()).replace(changes)
+        line = type(self).from_span_tables(self._changed_span_tables(of_span))
+        return line.replace(of_line) if of_line else line
+
+    def _changed_span_tables(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """A copy of the tables of the span with new values; those of the cable at rest are changed as of a scene."""
         tables = copy.deepcopy(self._span_tables)
-        at_rest = {}
+        at_rest = {key: value for key, value in changes.items() if _first_name(key) in CABLE_AT_REST}
         for key, value in changes.items():
-            if key.partition(".")[0] in CABLE_AT_REST:
-                at_rest[key] = value
-            elif key not in of_line:
+            if key not in at_rest:
                 set_dotted_key(tables, key, value)
         if at_rest:
             hanging = Scene(**{key: tables[key] for key in CABLE_AT_REST if key in tables}).replace(at_rest)
@@ -55,8 +59,12 @@ class LineOfOneSpan(Line):
             tables |= {key: described[key] for key in CABLE_AT_REST}
         if isinstance(ground := tables.get("ground"), str):
             tables["ground"] = read_ground(ground, Path())
-        line = type(self).from_span_tables(tables)
-        return line.replace(of_line) if of_line else line
+        return tables
+
+
+def _first_name(key: str) -> str:
+    """The first name of a dotted key."""
+    return key.partition(".")[0]
 
 
 def _in_keys_of_span(fault: str) -> str:
