@@ -131,8 +131,13 @@ def solve_collocation_step(
         set_corrections(workspace, step.rule)
         before = norm
         limit = math.inf if iterations <= newton.patience else before
-        halvings = 0 if old else newton.halvings
-        norm = correct_until_smaller(cable, rolling_car, workspace, step, halvings, limit, result)
+        fraction = 1.0
+        for _ in range(newton.halvings + 1):
+            subtract_scaled(fraction, workspace.da, step.a)
+            norm = set_states_and_residuals(cable, rolling_car, workspace, step, result)
+            if old or norm < limit:
+                break
+            fraction = -0.5 if fraction == 1.0 else 0.5 * fraction  # takes half of the correction back
         anew = not norm <= newton.reuse * before
         if norm <= newton.bound:
             break
@@ -161,23 +166,6 @@ def cannot_converge(norm: float, before: float, iterations: int, newton: Newton)
     if iterations <= newton.patience:
         return False
     return norm * (norm / before) ** (newton.enough - iterations) > newton.bound
-
-
-@inner
-def correct_until_smaller(
-    cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, halvings: int,
-    limit: float, result: Array,
-) -> float:  # fmt: skip
-    """Correct the accelerations by da, or by halves of it until |r| is smaller than a limit; return |r|."""
-    fraction = 1.0
-    norm = math.inf
-    for _ in range(halvings + 1):
-        subtract_scaled(fraction, workspace.da, step.a)
-        norm = set_states_and_residuals(cable, rolling_car, workspace, step, result)
-        if norm < limit:
-            break
-        fraction = -0.5 if fraction == 1.0 else 0.5 * fraction  # takes half of the correction back
-    return norm
 
 
 @inner
