@@ -134,7 +134,7 @@ def _check_line(
 ) -> int:  # fmt: skip
     """Check a line of several contacts, at rest or in motion, or a grid of them, and print it; return the exit code.
 
-    second : the line the second solver is told, or None.
+    second : a line for the second solver alone, or None.
     """
     from validation.commands.check import line as at_rest
     from validation.commands.check import motion

@@ -181,7 +181,7 @@ def mark_deciding_rows(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
 
 @dataclass(frozen=True, slots=True)
 class _MethodOnScene:
-    """A method on the scene that it is told; `ends` as in `refine_to_tolerance`."""
+    """A method with its scene, tolerance and budget; `ends` as in `refine_to_tolerance`."""
 
     scene: Scene
     method: Method

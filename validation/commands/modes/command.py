@@ -16,12 +16,12 @@ def command(scene: SceneName, out: Out = None) -> int:
     from validation.commands.modes.study import COUNT, EXACT, modes
     from validation.page import printing
 
-    found = run_study("modes", loaded, ["modes.json"], out, modes, loaded)
-    hertz = found.omega[EXACT] / (2.0 * math.pi * loaded.time_scale)
+    result = run_study("modes", loaded, ["modes.json"], out, modes, loaded)
+    hertz = result.omega[EXACT] / (2.0 * math.pi * loaded.time_scale)
     rows = [
-        [str(i + 1), f"{hertz[i]:.5g}", *(f"{omega[i]:.7f}" for omega in found.omega.values())] for i in range(COUNT)
+        [str(i + 1), f"{hertz[i]:.5g}", *(f"{omega[i]:.7f}" for omega in result.omega.values())] for i in range(COUNT)
     ]
-    terminal.print_table(["mode", "Hz", *found.omega], rows, right=["mode", "Hz", *found.omega])
+    terminal.print_table(["mode", "Hz", *result.omega], rows, right=["mode", "Hz", *result.omega])
     terminal.print_text()
-    printing.print_agreements(found.rows)
-    return 0 if all(row.verdict.value == "agree" for row in found.rows) else 1
+    printing.print_agreements(result.rows)
+    return 0 if all(row.verdict.value == "agree" for row in result.rows) else 1

@@ -68,7 +68,7 @@ def modes(scene: Scene, out: Path | None = None, progress: Progress = no_progres
             BoundPart("rounding", rounding),
         )
         rows.append(Agreement(name, float(gap.max()), Bound("own bar", parts)))
-    found = Modes({name: fine for name, (fine, _) in pairs.items()} | {EXACT: exact.omega}, rows)
+    result = Modes({name: fine for name, (fine, _) in pairs.items()} | {EXACT: exact.omega}, rows)
     if out is not None:
-        found.write(out)
-    return found
+        result.write(out)
+    return result

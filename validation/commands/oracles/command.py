@@ -15,11 +15,11 @@ def command(quick: Quick = False, out: Annotated[Path | None, out_option("oracle
     """
     from validation.commands.oracles.study import write_oracle_table
 
-    found = run_study(
+    result = run_study(
         "oracles",
         study_folder_name("oracles", quick),
         ["oracles.json", "oracles.jsonl"],
         out,
         partial(write_oracle_table, quick=quick),
     )
-    return 0 if found["verdict"] == "agree" else 1
+    return 0 if result["verdict"] == "agree" else 1

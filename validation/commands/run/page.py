@@ -26,10 +26,10 @@ def sections(folder: Path) -> list[Section]:
     last = max(files, key=lambda file: file.stat().st_mtime)
     if last.name == "grid.json":
         return many.run_grid_sections(last.parent)
-    found = Response.read(last.parent)
-    if found.t.size < 2:
-        return [Section("answer", "Answer", callout(f"The run broke at its start: {found.reason}.", "disagree"))]
-    x = StoredAnswer(Scene.from_toml(found.scene_toml), (found,))
+    r = Response.read(last.parent)
+    if r.t.size < 2:
+        return [Section("answer", "Answer", callout(f"The run broke at its start: {r.reason}.", "disagree"))]
+    x = StoredAnswer(Scene.from_toml(r.scene_toml), (r,))
     return render_sections(__package__, **answer_page_content(x))
 
 

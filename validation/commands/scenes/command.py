@@ -48,8 +48,8 @@ def _toml_by_scene_name(name: str | None) -> dict[str, str]:
 
     if name is None or name in BUILT_IN:
         return {key: Scene.library_text(key) for key in (BUILT_IN if name is None else [name])}
-    found = load_line_or_refuse(name) or load_scene_or_refuse(name)
-    return {found.name: found.to_toml()}
+    scene = load_line_or_refuse(name) or load_scene_or_refuse(name)
+    return {scene.name: scene.to_toml()}
 
 
 def _print_scenes() -> int:

@@ -108,7 +108,7 @@ def _results_of_job(study: Study, point: dict[str, Any], index: int) -> dict[str
 
 
 def _check_row_with_planted_fault(scene: Scene | Line, key: str | None, tol: float) -> dict[str, Any]:
-    """The row of a check whose second solver is told a fault of 1 % in a key; None: no fault."""
+    """The row of a check whose second solver has a fault of 1 % in a key; None: no fault."""
     from cablefem.scene.line import Line
 
     fault = "none" if key is None else f"{key} +1 %"
