@@ -197,6 +197,8 @@ def test_what_is_printed_of_a_line_is_read_back(cablefem, tmp_path, kind):
     folder = tmp_path / "cablefem-out" / scene
     html = (folder / "report.html").read_text(encoding="utf-8")
     printed = out.splitlines()[:-1]  # without where it is written
+    means = "forces are means over an axial round trip of the rope"
+    assert (out.count(means), html.count(means.capitalize())) == ((1, 1) if kind == "in motion" else (0, 0))
     assert list(line_terminal_faults(printed, html, folder / home)) == []
     number = re.compile(r"\d+\.\d\d+|\d+ more|\d+ s$|\d+ positions|\d+ elements")
     for i, text in enumerate(printed):

@@ -208,6 +208,15 @@ def test_outcome_and_table_round_a_position_alike(cablefem):
     assert all(page.count(table) >= 2 for _, table in stopped)  # outcome and table
 
 
+def test_printed_forces_say_over_what_time_they_are_means(cablefem):
+    code, out, _ = cablefem("run", "zipline", "--model", "quasi-static", "--out", "x")
+    assert code == 0
+    seconds = 2.0 * Scene.load("zipline").length * math.sqrt(0.589 / 6.62e6)
+    for text in (out, Path("x/report.html").read_text()):
+        said = re.findall(r"means over an axial round trip, ([\d.]+)\ss", text)
+        assert [float(x) for x in said] == [pytest.approx(seconds, rel=0.05)]
+
+
 def test_one_value_overrides_the_scene(cablefem):
     assert cablefem("run", "zipline", "--model", "quasi-static", "--set", "mass.mass=50", "--out", "x")[0] == 0
     summary = json.loads(Path("x/quasi-static/summary.json").read_text())

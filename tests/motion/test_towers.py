@@ -17,6 +17,7 @@ from validation.commands.check.motion import compare_and_check_laws, law_rows
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, motion_answers
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_rows import LineTolerance
+from validation.core.scene_data import read_csv_columns
 
 WEIGHT = 1200.0 * 9.81
 EVENTS = ["lands on the shoe of", "leaves the rope at", "takes the rope behind", "leaves the shoe of"]
@@ -79,13 +80,21 @@ def test_a_car_passes_leftwards_as_rightwards():
     np.testing.assert_allclose(one.shoe_force, other.shoe_force, atol=1e-3 * WEIGHT)
 
 
-def test_a_shoe_that_would_have_to_pull_a_car_down_is_said_first():
+def test_a_shoe_that_would_have_to_hold_a_car_down_is_said_first_with_its_column(tmp_path):
     fast = HAULED.replace({"car.car.travel.top_speed": 9.0})
     ladder = LineRuns(ELEMENTS, fast).ladder(1, 1)
-    said = motion_answers(fast, ladder, None).outcome.sentence
-    found = re.match(r"the shoe of tower would have to pull car down by 0.\d\d M g at x = .*; about (\d+) % of", said)
+    answers = motion_answers(fast, ladder, None)
+    said = answers.outcome.sentence
+    found = re.match(
+        r"the shoe of tower would have to hold the car 'car' down with (0.\d\d) of its weight at x = .* "
+        r"\((\w+) in (path-car.csv)\); about (\d+) % of", said,
+    )  # fmt: skip
     assert found is not None
-    slower = fast.replace({"car.car.travel.top_speed": 9.0 * float(found[1]) / 100.0})
+    share, column, file, percent = found.groups()
+    answers.write(tmp_path, 0.0)
+    smallest = read_csv_columns(tmp_path / file)[column].min()
+    assert smallest == pytest.approx(-float(share) * WEIGHT, abs=0.006 * WEIGHT)
+    slower = fast.replace({"car.car.travel.top_speed": 9.0 * float(percent) / 100.0})
     assert min(LineRuns(ELEMENTS, slower).run(1, 1).motion.cars[0].shoe_force) > -0.03 * WEIGHT
 
 

@@ -12,6 +12,7 @@ from validation.core import limits
 from validation.core.clearances import rope_at_frames
 from validation.core.design import design_numbers
 from validation.core.measures import last_time_valid_in_all, position_where_mass_outruns_waves
+from validation.core.scene_data import SceneData
 
 STATIONS = 201  # stations of profile.csv
 
@@ -38,6 +39,12 @@ def crosswind_sentences(scene: Scene, model: str) -> str:
     holds = "nothing of it" if model == "quasi-static" else "only how it damps the rope"
     left_out = f"Its force on rope and car is left out: {loads} the rope's load is {factor:.3f} times its weight"
     return f"wind of {scene.wind.across:.4g} m/s across the line: the numbers hold {holds}. {left_out}"
+
+
+def force_means_sentence(r: Response) -> str:
+    """Over what forces and angles of the rope among the design numbers are means."""
+    round_trip = SceneData(r.scene_toml, r.length).round_trip
+    return f"forces and angles of the rope are means over an axial round trip, {round_trip:.2g} s"
 
 
 class Outcome(NamedTuple):

@@ -347,6 +347,8 @@ def _expected_columns_of_car(car: Any, motion: Any) -> dict[str, Array]:
         "T_ahead": car.tension_ahead, "speed": np.hypot(*car.velocity.T), "F_contact": car.contact_force,
         "F_haul": car.haul_force,
     }  # fmt: skip
+    if car.shoe_force.any():
+        path["F_shoe"] = car.shoe_force
     if car.turning is not None:
         path["pitch" if car.turning.wheels else "swing"] = np.degrees(car.turning.angle)
         path |= {f"wheel_{x.name.rpartition('.')[2]}": x.load for x in car.turning.wheels}

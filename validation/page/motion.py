@@ -56,6 +56,11 @@ def motion_unit(quantity: str) -> str:
     return unit
 
 
+def means_sentence(round_trip: float) -> str:
+    """Over what forces among the design numbers are means; round_trip : of an axial wave [s]."""
+    return f"forces are means over an axial round trip of the rope, {round_trip:.2g} s"
+
+
 def motion_quantity_words(quantity: str) -> str:
     kind, _, of = quantity.partition(":")
     words: str = WORDS[kind]["words"]
@@ -111,7 +116,7 @@ def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str |
         design=design_number_rows(summary["design"]),
         by_hand=any("point" in car.get("wheels", {}).values() for car in line["car"]),
         stressed=any(d["quantity"].startswith("stress") for d in summary["design"]),
-        over=list(_figures_over_time(line, contacts, paths)), round_trip=f"{summary['round_trip']:.2g} s",
+        over=list(_figures_over_time(line, contacts, paths)), means=means_sentence(summary["round_trip"]),
         grips=GRIPS if any("drive" not in car for car in line["car"]) else "",
         compared=[row for row in compared if row not in laws], laws=laws, as_read=scene_inputs_html(toml, Line),
     )  # fmt: skip
@@ -263,6 +268,10 @@ def _series_by_title(
         "Tension at the ends of each segment of rope.": (tensions, "N"),
         "Haul force; positive where it pulls to the right.": (series_of_cars("F_haul"), "N"),
         "Contact force.": (series_of_cars("F_contact"), "N"),
+        "Force of the cars on shoes; negative where a shoe would have to hold a car down.": (
+            series_of_cars("F_shoe"),
+            "N",
+        ),
         "Loads of both wheels.": (wheels, "N"),
         "Swing of the cabins forward.": (series_of_cars("swing"), "deg"),
         "Pitch, front down.": (series_of_cars("pitch"), "deg"),

@@ -44,9 +44,15 @@ from validation.core.sidebyside import Progress, map_in_parallel, no_progress
 from validation.core.wheels import approximate_pitch_period, with_wheel_loads_by_hand
 from validation.page import terminal
 from validation.page.line import print_line_summary
-from validation.page.motion import TABLE_QUANTITIES, comparison_words, design_number_rows, motion_unit
+from validation.page.motion import (
+    TABLE_QUANTITIES,
+    comparison_words,
+    design_number_rows,
+    means_sentence,
+    motion_unit,
+)
 
-# columns of path-NAME.csv, beside those of `turning_and_wheel_load_series`
+# columns of path-NAME.csv, beside F_shoe and those of `turning_and_wheel_load_series`
 PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"
 
 
@@ -73,7 +79,7 @@ def shortest_time_on_rail(system: Any, state: State) -> float:
 
 
 def shoe_pull_down_sentences(line: Line, motion: LineMotion) -> list[str]:
-    """Where a shoe would have to pull a car down, and which speed or length of the shoe would do without.
+    """Where a shoe would have to hold a car down, and which speed or length of the shoe would do without.
 
     The share of its force that the turn of the path takes grows with the speed squared, and falls with the length.
     """
@@ -95,8 +101,10 @@ def shoe_pull_down_sentences(line: Line, motion: LineMotion) -> list[str]:
             slower = math.floor(100.0 * math.sqrt(share))
             enough = f"about {slower} % of its speed or a shoe of {math.ceil(shoe / share)} m would do without"
         down = -car.shoe_force[i] / weight
+        where = f"at x = {x:.1f} m (F_shoe in path-{car.name}.csv)"
         out.append(
-            f"the shoe of {name} would have to pull {car.name} down by {down:.2f} M g at x = {x:.1f} m; {enough}"
+            f"the shoe of {name} would have to hold the car '{car.name}' down with {down:.2f} of its weight {where}; "
+            f"{enough}"
         )
     return out
 
@@ -442,6 +450,8 @@ class MotionAnswers(LineAnswers):
             w = car.point - empty_rope_points(self.empty, car.s / thermal_stretch)
             speed = np.hypot(*car.velocity.T)
             more = turning_and_wheel_load_series(car)
+            if car.shoe_force.any():
+                more["F_shoe"] = car.shoe_force
             columns = (
                 motion.t, car.s, *car.point.T, *w.T, car.tension_behind, car.tension_ahead, speed, car.haul_force,
                 car.contact_force, *more.values(),
@@ -497,6 +507,7 @@ class MotionAnswers(LineAnswers):
             [d for d in few if d["value"]]
         )  # a counterweight only sinks: its largest rise is 0
         print_line_summary(self.line, self.outcome.sentence, self.limits, printed, len(self.design))
+        terminal.print_text(f"  {means_sentence(self.moved.period)}; path-*.csv and contacts.csv have each time step")
         settings = ", ".join(f"{value} {name}" for name, value in self.moved.settings.items())
         terminal.print_text(f"  {self.moved.method}, {settings}; {seconds:.1f} s")
 

@@ -62,6 +62,8 @@ def _sentences_beside_tables(summary: Row, judged: Sequence[Row]) -> Iterator[st
     else:
         settings = ", ".join(f"{value} {name}" for name, value in summary["settings"].items())
         yield f"{summary['method']}, {settings}; {seconds}"
+        means = f"forces are means over an axial round trip of the rope, {summary['round_trip']:.2g} s"
+        yield f"{means}; path-*.csv and contacts.csv have each time step"
     if judged:
         yield read_package_toml("page", "assets/verdicts.toml")[worst_asked_verdict(judged) or "not comparable"]
         yield "; ".join(_agreement_count_sentences(judged))

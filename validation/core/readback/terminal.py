@@ -92,6 +92,15 @@ def crosswind_faults(text: str, stored: StoredResults) -> Faults:
         yield f"{text!r}: {expected} follow, and the numbers hold {holds}"
 
 
+def _printed_means_faults(text: str, stored: StoredResults) -> Faults:
+    """Faults of the seconds over which forces are means."""
+    rest = stored.run_of_method(0)["rest"]
+    round_trip = SceneData(rest["scene_toml"], rest["length"]).round_trip
+    shown = re.search(r"round trip, (.* s);", text)
+    if shown is None or not shows_value(shown[1], round_trip, "s", digits=2):
+        yield f"{text!r}: the round trip takes {round_trip:.3g} s"
+
+
 def _limit_scope_faults(text: str, stored: StoredResults) -> Faults:
     """What a text is for, and whether the scene is that."""
     names = read_package_toml("cablefem.scene", "limits.toml")["text"]
@@ -135,6 +144,7 @@ def _printed_third_party_faults(text: str, stored: StoredResults) -> Faults:
 
 LINE_CHECKS: tuple[tuple[str, Callable[[str, StoredResults], Faults]], ...] = (
     (r"  wind of ", crosswind_faults),
+    (r"  forces and angles of the rope are means", _printed_means_faults),
     (r"  slack somewhere from car at ", _printed_slack_faults),
     (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", no_faults_in_words),
     (r"  by \S+ \(", _printed_run_faults),
