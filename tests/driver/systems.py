@@ -20,7 +20,7 @@ class Spring(System):
         self.force_scale = float(self.k.max() * np.abs(q0).max() + 1e-3)
         self.seen: list[float] = []
 
-    def push(self, t, phase):
+    def applied_force(self, t, phase):
         return self.f * np.sin(self.w * t)
 
     def start(self, phase, state):
@@ -31,7 +31,7 @@ class Spring(System):
 
     def residual(self, t, q, v, a, phase):
         self.seen.append(t)
-        return self.m * a + self.d * v + self.k * q + self.k3 * q**3 - self.push(t, phase)
+        return self.m * a + self.d * v + self.k * q + self.k3 * q**3 - self.applied_force(t, phase)
 
     def linearise(self, t, q, v, a, phase, c0, c1, c2):
         tangent = c2 * self.m + c1 * self.d + c0 * (self.k + 3.0 * self.k3 * q**2)
@@ -44,7 +44,7 @@ class Spring(System):
 class Kicked(Spring):
     """A force that jumps at the phase boundary."""
 
-    def push(self, t, phase):
+    def applied_force(self, t, phase):
         return np.array([0.0 if phase == 0 else 4.1])
 
 
@@ -57,7 +57,7 @@ class Ball(Spring):
         super().__init__(m=1.0, k=0.0, q0=height, v0=0.0, end=end)
         self.g, self.restitution = g, restitution
 
-    def push(self, t, phase):
+    def applied_force(self, t, phase):
         return np.array([-self.g])
 
     def event_values(self, x):
@@ -77,7 +77,7 @@ class Rubbed(Spring):
         super().__init__(**kw)
         self.friction, self.sign = friction, -1.0  # pulled back from q0 > 0
 
-    def push(self, t, phase):
+    def applied_force(self, t, phase):
         return np.array([-self.friction * self.sign])
 
     def event_values(self, x):

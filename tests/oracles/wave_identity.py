@@ -4,6 +4,7 @@ Integrating v_tt - v_xx = P delta(x - xi) over a parallelogram of characteristic
     v(top) + v(bottom) - v(right) - v(left) = 1/2 int P dt over the times at which the source is inside.
 """
 
+import itertools
 from itertools import pairwise
 
 import numpy as np
@@ -31,24 +32,35 @@ def wave_defect(v, impulse, xi, quads, t_source, turns=(), blows=()):
     x0, t0, p, q = quads
     left = v(x0 + p - q, t0 + p + q) + v(x0, t0) - v(x0 + p, t0 + p) - v(x0 - q, t0 + q)
     right = np.zeros(len(x0), dtype=np.asarray(left).dtype)
-    for i, (x, t, a, b) in enumerate(zip(x0, t0, p, q, strict=True)):
+    for i, quad in enumerate(zip(x0, t0, p, q, strict=True)):
+        _, t, a, b = quad
         end = min(t_source, t + a + b)
         if end <= t:
             continue
         edges = [t, *sorted(u for u in turns if t < u < end), end]
-        cuts = list(edges)
-        for sign, levels in ((-1.0, (t - x, t - x + 2.0 * b)), (1.0, (t + x, t + x + 2.0 * a))):
-            for lo, hi in pairwise(edges):
-                for level in levels:
-                    f = [u + sign * float(xi(u)) - level for u in (lo, hi)]
-                    if f[0] * f[1] < 0.0:
-                        cuts.append(brentq(lambda u, s=sign, c=level: u + s * float(xi(u)) - c, lo, hi, xtol=1e-15))
-        cuts.sort()
-        for lo, hi in pairwise(cuts):
-            mid = 0.5 * (lo + hi)
-            if t - x < mid - xi(mid) < t - x + 2.0 * b and t + x < mid + xi(mid) < t + x + 2.0 * a:
+        for lo, hi in pairwise(_times_of_crossings(xi, quad, edges)):
+            if _is_inside(xi, quad, 0.5 * (lo + hi)):
                 right[i] += 0.5 * (impulse(hi) - impulse(lo))
-        for when, strength in blows:
-            if t - x < when - xi(when) < t - x + 2.0 * b and t + x < when + xi(when) < t + x + 2.0 * a:
-                right[i] += 0.5 * strength
+        right[i] += sum(0.5 * strength for when, strength in blows if _is_inside(xi, quad, when))
     return left - right
+
+
+def _is_inside(xi, quad, t):
+    """Whether the source is in the parallelogram at time t."""
+    x0, t0, p, q = quad
+    return t0 - x0 < t - xi(t) < t0 - x0 + 2.0 * q and t0 + x0 < t + xi(t) < t0 + x0 + 2.0 * p
+
+
+def _times_of_crossings(xi, quad, edges):
+    """The edges, and times between them at which the source crosses a side of the parallelogram, in order."""
+    x0, t0, p, q = quad
+    sides = [(-1.0, t0 - x0), (-1.0, t0 - x0 + 2.0 * q), (1.0, t0 + x0), (1.0, t0 + x0 + 2.0 * p)]  # t + sign x = level
+    times = list(edges)
+    for (sign, level), (lo, hi) in itertools.product(sides, pairwise(edges)):
+
+        def distance(t, sign=sign, level=level):
+            return t + sign * float(xi(t)) - level
+
+        if distance(lo) * distance(hi) < 0.0:
+            times.append(brentq(distance, lo, hi, xtol=1e-15))
+    return sorted(times)
