@@ -38,7 +38,7 @@ def coordinates_at_rest(
     if start is not None:
         q[free] = start[free]
         return _solve_rest_by_newton(system, t, phase, q, free, None, EXACT)
-    N = _set_first_guess(system, q, free)
+    N = _set_guess_and_return_tensions(system, q, free)
     rough = 1e-3  # last step over the reach, of a soft rope
     for stage in range(SOFTENING + 1):
         last = stage == SOFTENING
@@ -117,7 +117,7 @@ def _soft_law(system: LineBalance, N: Array, fraction: float) -> Array:
     return np.array([EA, N_r, (0.5 * (law.EA - EA) * more - N_r) * more])
 
 
-def _set_first_guess(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> Array:
+def _set_guess_and_return_tensions(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> Array:
     """Set free ones of q to parabolas between guessed contacts; return tensions (K,) of the segments."""
     guess = _guess_contacts(system, q, free)
     s = np.where(free[system.s], guess.s, q[system.s])

@@ -50,6 +50,22 @@ class TrolleyForces(NamedTuple):
     drag: Array
 
 
+class WheelForces(NamedTuple):
+    load: Array  # on the rope
+    friction: Array  # <lam> f without the hold
+    stretch: Array  # <lam>
+
+
+def _wheel_forces(slopes: Any, rope_row: Any, mu_r: float, brake: Array, sign: Array) -> WheelForces:
+    """At a wheel with r' behind and ahead (4, ...) and the row P of the rope (2, ...); sign of the motion."""
+    bx, by, ax, ay = slopes
+    tx, ty = bx + ax, by + ay
+    load = (tx * rope_row[1] - ty * rope_row[0]) / np.sqrt(tx * tx + ty * ty)
+    stretch = 0.5 * (np.sqrt(bx * bx + by * by) + np.sqrt(ax * ax + ay * ay))
+    friction = -stretch * (mu_r * load * np.sign(load.real) + brake) * sign
+    return WheelForces(load, friction, stretch)
+
+
 class Trolley:
     """Car number `i`, whose front wheel is contact `k`."""
 
@@ -120,22 +136,14 @@ class Trolley:
         C_y = m * (Y_a + turning * cx - rate * rate * cy - cars.gravity) - thrust_y - F * sin - drag * vy
         of_th = w.base * (sin * y[8] - cos * y[9]) - cy * C_x + cx * C_y
         of_th = of_th + w.inertia * turning - thrust_turns - haul_turns
-        loads = []
-        friction = []
-        stretches = []
         rear_brake = cars.rear_brake.T[i]
-        for wheel, brake in enumerate((rear_brake, cars.brake.T[i] - rear_brake)):
-            bx, by, ax, ay = y[4 * wheel : 4 * wheel + 4]
-            tx, ty = bx + ax, by + ay
-            load = (tx * y[9 + 2 * wheel] - ty * y[8 + 2 * wheel]) / np.sqrt(tx * tx + ty * ty)
-            stretch = 0.5 * (np.sqrt(bx * bx + by * by) + np.sqrt(ax * ax + ay * ay))
-            loads.append(load)
-            friction.append(-stretch * (drive.mu_r * load * np.sign(load.real) + brake) * sign)
-            stretches.append(stretch)
-        hold = stretches[1] * cars.hold.T[i]
+        rear = _wheel_forces(y[0:4], y[8:10], drive.mu_r, rear_brake, sign)
+        front = _wheel_forces(y[4:8], y[10:12], drive.mu_r, cars.brake.T[i] - rear_brake, sign)
+        hold = front.stretch * cars.hold.T[i]
         return TrolleyForces(
-            rows=(y[8] + y[10] + C_x, y[9] + y[11] + C_y, of_th, -friction[0], -friction[1] - hold), centre=(cx, cy),
-            loads=(loads[0], loads[1]), friction=(friction[0], friction[1]), hold=hold, stretch=stretches[1],
+            rows=(y[8] + y[10] + C_x, y[9] + y[11] + C_y, of_th, -rear.friction, -front.friction - hold),
+            centre=(cx, cy), loads=(rear.load, front.load), friction=(rear.friction, front.friction), hold=hold,
+            stretch=front.stretch,
             thrust=thrust_x * vx + thrust_y * vy + thrust_turns * rate,
             haul=F * (cos * vx + sin * vy) + haul_turns * rate, drag=drag * (air * vx + vy * vy),
         )  # fmt: skip
