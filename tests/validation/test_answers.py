@@ -52,6 +52,24 @@ def test_a_car_that_sticks_or_turns_back_says_how_far_it_came():
     assert f", the farthest point is {farthest:.1f} m" in answers.outcome_of_run(s, r).sentence
 
 
+def test_a_car_that_lifts_off_says_so_before_what_has_no_meaning():
+    """On a rope this long the car meets the far side too steeply; what follows is a car that is held down."""
+    scene = Scene(
+        cable={"mass_per_length": 0.95, "EA": 1.17e7, "length": 340.0},
+        supports={"span": 320.0, "drop": 60.0},
+        mass={"mass": 100.0},
+        drive={"mode": "free", "start": 2.0, "rolling_friction": 0.015, "drag_area": 0.55, "end": {"time": 16.0}},
+    )
+    r = run(scene, "following-p2", elements=10, steps=400)
+    kind, sentence = answers.outcome_of_run(scene, r)
+    event = next(x for x in r.events if x["event"] == "lift_off")
+    assert sentence.startswith(f"the car lifts off at {event['s_o']:.1f} m after {event['t']:.1f} s; if it were held ")
+    row = recomputed.recomputed_outcome_row(r, None, kind, sentence)
+    assert row.verdict is Verdict.AGREE
+    wrong = sentence.replace(f"{event['t']:.1f}", f"{event['t'] + 0.2:.1f}")
+    assert recomputed.recomputed_outcome_row(r, None, kind, wrong).verdict is not Verdict.AGREE
+
+
 def test_a_hauled_car_and_a_prescribed_stop():
     tramway = Scene.load("tramway")
     found = answers.outcome_of_run(tramway, quasi_static(tramway))

@@ -106,9 +106,12 @@ def _outcome_of_motion(scene: Scene, r: Response) -> Outcome:
     if r.status != "complete" and r.slack_onset is None:
         broke = f"the computation broke at {r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s: {r.reason}"
         return Outcome("incomplete", broke)
-    if r.drive == "free":
-        return _outcome_of_free_ride(scene, r)
-    return _outcome_of_prescribed_travel(scene, r)
+    end = _outcome_of_free_ride(scene, r) if r.drive == "free" else _outcome_of_prescribed_travel(scene, r)
+    for event in r.events:
+        if event["event"] == "lift_off":
+            lifts_off = f"the car lifts off at {event['s_o']:.1f} m after {event['t']:.1f} s"
+            return Outcome(end.kind, f"{lifts_off}; if it were held down: {end.sentence}")
+    return end
 
 
 def _outcome_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:

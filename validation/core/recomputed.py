@@ -331,6 +331,9 @@ def recomputed_outcome_row(r: Response, counterpart: Response | None, kind: str,
         right = _expected_outcome_of_free_ride(r, readings.data.drive)
     else:
         right = _expected_outcome_of_travel(r, readings)
+    lifts_off = [event for event in r.events if event["event"] == "lift_off"]
+    if lifts_off and right.kind != "incomplete":
+        right.numbers = [lifts_off[0]["s_o"], lifts_off[0]["t"], *right.numbers]
     bars = {row["quantity"]: row["bar"] or 0.0 for row in r.design}
     right.parts = _obstacle_hit_sentences(readings, bars)
     if "safety_factor_min" in bars:

@@ -85,7 +85,7 @@ def _tension_csv_faults(file: Path, run: Run) -> Faults:
 
 def _profile_csv_faults(file: Path, run: Run) -> Faults:
     """Envelopes of depth and tension over x: from all valid frames, and of the car's path between them."""
-    until = _end_of_validity(run)
+    until = end_of_validity(run)
     valid = run["t"] <= until
     x_rest = run["fields.x"]
     y_rest = run["fields.y"]
@@ -112,7 +112,7 @@ def _profile_csv_faults(file: Path, run: Run) -> Faults:
     yield from _csv_faults(file, columns)
 
 
-def _end_of_validity(run: Run) -> float:
+def end_of_validity(run: Run) -> float:
     """Time [s] of the slack onset, or since when waves are slower than the mass; infinite without both."""
     length = run["rest"]["length"]
     onset = run["rest"]["slack_onset"]

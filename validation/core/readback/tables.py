@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from validation.core.readback.files import end_of_validity
 from validation.core.readback.limits import LIMITS
 from validation.core.readback.stored import (
     ORDER,
@@ -192,11 +193,17 @@ def _shows_top_speed_over_waves(text: str, run: Run) -> bool:
     cable = run["scene"]["cable"]
     rho = cable["mass_per_length"] + ice_mass_per_length(cable)
     if run["scene"].get("drive", {}).get("mode") == "free":  # on the loaded rope
-        speed = np.max(np.hypot(*run["velocity"].T))
+        speed = np.max(np.hypot(*run["velocity"].T), where=run["t"] <= _end_on_taut_rope(run), initial=0.0)
     else:
         speed = np.max(np.abs(np.diff(run["s_o"]) / np.diff(run["t"])))  # steps are short chords of the travel
     ratio = speed * math.sqrt(rho / run["rest"]["horizontal_tension"])
     return bool(abs(parse_number(text.removesuffix(" %")) / 100.0 - ratio) < 0.06)
+
+
+def _end_on_taut_rope(run: Run) -> float:
+    """Time [s] up to which the car is on the rope, and that is taut."""
+    lift_offs = [event["t"] for event in run["rest"]["events"] if event["event"] == "lift_off"]
+    return min([end_of_validity(run), *lift_offs])
 
 
 FACTS: dict[str, Callable[[str, Run], bool]] = {  # that follow from the scene
