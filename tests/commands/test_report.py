@@ -1,6 +1,7 @@
 """Studies, and the report that gathers them."""
 
 import json
+import re
 import sys
 import types
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from cablefem import Scene
+from tests.commands.calls import QUICK
 from validation.commands.run import page as run_page
 from validation.core import store
 from validation.page import report
@@ -157,4 +159,18 @@ def test_two_commands_on_one_scene_may_have_pages_of_one_name(tmp_path, monkeypa
     monkeypatch.setattr(run_page, "sections", lambda folder: one)
     report.write_report_and_finish(folder, "run")
     page = (folder / "report.html").read_text()
-    assert page.count('id="answer"') == page.count('id="answer-run"') == 1
+    assert page.count('id="answer"') == page.count('id="answer-check"') == 1
+    contents = page[page.index("<nav") : page.index("</nav>")]
+    links = re.findall(r'<a href="#([^"]*)">([^<]*)</a>', contents)
+    assert links == [("answer", "The answer"), ("answer-check", "The answer (check)")]
+    assert contents.index("<details") > contents.index("The answer")  # those of the check are folded
+    assert re.search(r"<h2[^>]*>The answer \(check\)", page)
+
+
+def test_the_page_begins_with_the_latest_command(cablefem):
+    run = ("run", "level", *QUICK, "--no-bars", "--out", "x")
+    for arguments, first in ((("modes", "level", "--out", "x"), "modes-frequencies"), (run, "answer"), (run, "answer")):
+        assert cablefem(*arguments)[0] == 0
+        page = Path("x/report.html").read_text()
+        assert re.search(r'<section id="([^"]*)"', page)[1] == first
+    assert 'id="modes-frequencies"' in page

@@ -9,6 +9,8 @@ import pytest
 
 from cablefem.response import Response
 from validation.page import page
+from validation.page.answer.many import grid_table
+from validation.page.motion import motion_table_columns
 
 pytestmark = pytest.mark.browser
 PHONE, DESKTOP = 390, 1280
@@ -90,6 +92,23 @@ def test_what_does_not_fit_would_be_found(browser, tmp_path):
     browser.open(tmp_path / "report.html", PHONE)
     assert browser.run(OVERFLOW) > 50
     assert browser.run(WORDS)[0] == ["here | too"]
+
+
+@pytest.mark.parametrize("width", [PHONE, DESKTOP])
+def test_a_row_of_many_lines_is_not_a_screen_high_and_shows_its_outcome(browser, tmp_path, width):
+    """An outcome of 200 letters stood last, 4.5 rem wide: every row was 690 px high, and blank on the screen."""
+    outcome = "the shoe of T1 would have to hold the car down; " * 4
+    numbers = {f"load_max:{name}": 3e5 for name in ("weight", "T1", "T2", "top")}
+    numbers |= {f"haul_{of}:{car}": 2e4 for car in ("up", "down") for of in ("max", "min")}
+    numbers |= {f"speed_max:{car}": 8.9 for car in ("up", "down")}
+    row = {"car.0.travel.stop.time": 50, "outcome": outcome, "status": "complete", **numbers}
+    table = grid_table([row], motion_table_columns([row], ["car.0.travel.stop.time"]), "car.0.travel.stop.time")
+    page.write_page("Twin", [page.Section("one", "One", table)], tmp_path / "report.html")
+    browser.open(tmp_path / "report.html", width)
+    cell = "document.querySelector('td[data-label=\"outcome\"]')"
+    height, right = browser.run(f"const b = {cell}.getBoundingClientRect(); return [b.height, b.right]")
+    assert height < 300
+    assert right <= width
 
 
 def test_an_error_in_a_script_would_be_found(browser, report_file, tmp_path):

@@ -49,7 +49,7 @@ def claim_folder(out: Path | None, command: str, scene: Any, writes: Sequence[st
             outdated = result["scene"] != text if other == command else shared
             if outdated:
                 _delete_files_of_result(folder, other, results.pop(other))
-        before = results.get(command, {"writes": [], "files": []})
+        before = results.pop(command, {"writes": [], "files": []})  # the latest command stands last
         results[command] = {
             "scene": text, "writes": sorted({*before["writes"], *writes}), "files": before["files"],
             "foreign": sorted(set(_files_below(folder, writes)) - set(before["files"])), "finished": False,

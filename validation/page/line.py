@@ -94,10 +94,12 @@ def rest_table_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
 
 def table_columns_with_outcome(rows: Sequence[Row], keys: Sequence[str], number_heads: dict[str, str]) -> Columns:
     """Columns of a table: varied values, numbers with their heads, and what became of each line if it says more."""
-    heads = {key: key for key in keys} | number_heads
-    for name in ("outcome", "status", *LIMITS, "verdict", "why"):
-        if {row.get(name) for row in rows} - {None, "complete"}:
-            heads[name] = name
+    words = [
+        name for name in ("outcome", "status", *LIMITS, "verdict", "why")
+        if {row.get(name) for row in rows} - {None, "complete"}
+    ]  # fmt: skip
+    first = [name for name in words if name == "outcome"]  # numbers of many cars fill the width of a page
+    heads = {name: name for name in (*keys, *first)} | number_heads | {name: name for name in words}
     return {name: Column(head, spec=".6g") for name, head in heads.items()}
 
 

@@ -45,7 +45,10 @@ class Section:
 
 
 def write_page(title: str, sections: Sequence[Section], out_file: Path) -> None:
-    """Write the report atomically; the contents list the worst verdicts first."""
+    """Write the report atomically; the contents list the worst verdicts first.
+
+    Of several commands only the first one's sections are unfolded there.
+    """
     order = list(VERDICTS)
     judged = [s for s in sections if s.verdict]
     judged.sort(key=lambda s: order.index(s.verdict or ""))
@@ -54,11 +57,19 @@ def write_page(title: str, sections: Sequence[Section], out_file: Path) -> None:
         title=title,
         sections=sections,
         judged=judged,
-        rest=[s for s in sections if not s.verdict],
+        contents=_sections_by_command(s for s in sections if not s.verdict or len(judged) < 2),
         css=Markup(read_asset("page.css")),
         scripts=[Markup(read_asset(name)) for name in names],
     )
     write_text(out_file, page)
+
+
+def _sections_by_command(sections: Iterable[Section]) -> dict[str, list[Section]]:
+    """Sections of each command, in the order of their first ones."""
+    out: dict[str, list[Section]] = {}
+    for section in sections:
+        out.setdefault(section.command, []).append(section)
+    return out
 
 
 def render_sections(package: str, file: str = "page.html", /, **content: Any) -> list[Section]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 def write_report_and_finish(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
     """Draw and store the pages of a command, write report.html with those of all finished ones, mark it finished.
 
+    The latest command's pages come first.
     faults : of what is written; they come first.
     """
     drawn: list[Section] = importlib.import_module(f"validation.commands.{command}.page").sections(folder)
@@ -32,7 +33,7 @@ def write_report_and_finish(folder: Path, command: str, faults: Sequence[str] = 
     write_json(store.pages_path(folder, command), [asdict(section) for section in drawn])
     done = [
         other
-        for other in store.commands_on_latest_scene(folder)
+        for other in reversed(store.commands_on_latest_scene(folder))
         if other == command or store.is_finished(folder, other)
     ]
     sections = _with_unique_ids((other, section) for other in done for section in read_stored_sections(folder, other))
@@ -74,11 +75,15 @@ def read_stored_sections(folder: Path, command: str) -> list[Section]:
 
 
 def _with_unique_ids(pages: Iterable[tuple[str, Section]]) -> list[Section]:
-    """Sections that name their command; of an id used by two commands it is a part."""
+    """Sections that name their command; ids and titles that an earlier command has are told apart by it."""
     out: dict[str, Section] = {}
+    titles: dict[str, str] = {}  # command by title
     for command, section in pages:
         own = section.id if section.id not in out else f"{section.id}-{command}"
-        out[own] = replace(section, id=own, command=command)
+        title = section.title
+        if titles.setdefault(title, command) != command:
+            title = f"{title} ({command})"
+        out[own] = replace(section, id=own, title=title, command=command)
     return list(out.values())
 
 
