@@ -204,11 +204,17 @@ def _name_of_extreme(name: str, max_or_min: str) -> str:
 
 
 def envelope_columns(rest: LineRest) -> dict[str, Array]:
-    """Columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions."""
-    x = np.linspace(0.0, rest.line.contact[-1].at[0], STATIONS)
-    curves = np.array([catenary_line.depth_and_tension(state, x) for state in rest.states.values()])
-    y = curves[:, 0]  # (positions, STATIONS)
-    T = curves[:, 1]
+    """Columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions.
+
+    Where a car that grips is at a station, the tension has two values, and both count.
+    """
+    span = rest.line.contact[-1].at[0]
+    x = np.linspace(0.0, span, STATIONS)
+    beside = 1e-9 * span
+    sides = [np.clip(x + dx, 0.0, span) for dx in (-beside, beside)]
+    states = rest.states.values()
+    y = np.array([catenary_line.depth_and_tension(state, x)[0] for state in states])  # (positions, STATIONS)
+    T = np.array([catenary_line.depth_and_tension(state, side)[1] for state in states for side in sides])
     at_rest, _ = catenary_line.depth_and_tension(rest.empty, x)
     return {
         "x": x, "y_rest": at_rest,
