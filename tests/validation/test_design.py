@@ -91,6 +91,18 @@ def test_a_car_that_only_goes_up_has_no_deepest_point():
     assert {"tension_max", "haul_force_max"} <= found
 
 
+def test_a_brake_stops_a_car_as_hard_as_its_speed_and_way_say():
+    """v^2 = 2 a d in a brake of one force, which is far larger than the weight's part along the rope."""
+    braked = Scene.load("zipline").replace({"drive.brake.0.force": 1500.0})
+    r = quasi_static(braked)
+    speed, stop = (next(e for e in r.events if e["event"] == name) for name in ("brake", "stop"))
+    way = stop["s_o"] - speed["s_o"]
+    hardest = next(n.value for n in design_rows(r) if n.quantity == "car_deceleration_max")
+    assert hardest == pytest.approx(speed["speed"] ** 2 / (2.0 * way), rel=0.05)
+    hauled = run(CAMERA, "following-p2", elements=6, steps=300, until=0.5)
+    assert "car_deceleration_max" not in {n.quantity for n in design_rows(hauled)}
+
+
 def test_what_drives_a_free_car_is_its_thrust():
     """9 kN in the scene; no rope hauls it."""
     by = {
@@ -231,7 +243,7 @@ def shifted_by(shift):
         ("safety_factor_min", multiplied_by(1.01)), ("wind_tilt", multiplied_by(1.01)),
         ("angle_right", multiplied_by(-1.0)),
         *((f"stress{kind}_max", multiplied_by(1.01)) for kind in ("", "_axial", "_bending")),
-        ("tension_over_wheel_min", multiplied_by(1.01)),
+        ("tension_over_wheel_min", multiplied_by(1.01)), ("car_deceleration_max", multiplied_by(1.01)),
     ],
 )  # fmt: skip
 def test_a_wrong_design_number_is_seen(ride_with_all_numbers, quantity, fault):

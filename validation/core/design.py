@@ -1,6 +1,6 @@
 """Design numbers of a ropeway in SI with bars: extremes over a run.
 
-Forces are means over an axial round trip, which ropes and load cells feel; `peak` is the raw extreme.
+Forces and decelerations are means over an axial round trip, which ropes and load cells feel; `peak` is the raw extreme.
 The steepest angle at a support is the largest one to the horizontal, up or down.
 """
 
@@ -56,6 +56,15 @@ def _tracks_at_mass(*signals: Callable[[Response], Array]) -> Tracks:
 def _driving_force_tracks(drive_mode: str, change: Callable[[Array], Array] = np.positive) -> Tracks:
     """The force along the rope that drives a car: of a haul rope, or a free car's thrust; none in another mode."""
     return lambda r: [Track(r.t, change(r.F_haul), r.s_o)] if r.drive == drive_mode else []
+
+
+def _deceleration_tracks(r: Response) -> list[Track]:
+    """The rate -v.a/|v| [m/s2] at which a free car loses speed, 0 at rest; none of other cars."""
+    if r.drive != "free":
+        return []
+    speed = r.speed
+    lost = -np.sum(r.velocity * r.acceleration, axis=1)
+    return [Track(r.t, np.divide(lost, speed, out=np.zeros_like(speed), where=speed > 0.0), r.s_o)]
 
 
 def _magnitude(reaction: Array) -> Array:
@@ -118,6 +127,7 @@ QUANTITIES: dict[str, DesignQuantity] = {
     "mass_deepest": DesignQuantity(1.0, _tracks_at_mass(lambda r: r.y), inner=True),
     "mass_deflection_max": DesignQuantity(1.0, _tracks_at_mass(lambda r: r.v)),
     "speed_max": DesignQuantity(1.0, _tracks_at_mass(lambda r: r.speed)),
+    "car_deceleration_max": DesignQuantity(1.0, _deceleration_tracks),
     "angle_left": DesignQuantity(1.0, _tracks_at_support("left", _degrees_to_horizontal)),
     "angle_right": DesignQuantity(1.0, _tracks_at_support("right", _degrees_to_horizontal)),
 }  # fmt: skip
@@ -263,7 +273,7 @@ def signals_over_common_time(r: Response, other: Response | None = None) -> dict
     round_trip = _axial_round_trip_time(r.scene_toml, r.length)
     signals = {}
     for name, quantity in design_quantities(_scene_of_toml(r.scene_toml)).items():
-        follows_force = unit_of(name) in ("N", "deg", "Pa") or name == "tension_over_wheel_min"
+        follows_force = unit_of(name) in ("N", "deg", "Pa", "m/s2") or name == "tension_over_wheel_min"
         times = until_valid if quantity.anywhere else span
         signals[name] = Signal(quantity, times, round_trip if follows_force else 0.0)
     return signals

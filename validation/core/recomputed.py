@@ -78,7 +78,7 @@ def _printed_number_row(
 FROM_TOML = ("sag_car_rest", "acceleration_max", "deceleration_max")
 Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
 # felt as means over an axial round trip
-FORCES = ("tension", "reaction", "contact", "haul_force", "thrust", "angle", "stress")
+FORCES = ("tension", "reaction", "contact", "haul_force", "thrust", "angle", "stress", "car_deceleration")
 
 
 class RecomputedNumbers:
@@ -189,6 +189,9 @@ def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:
         "sag_car": r.y - r.x * data.drop / data.span,
         "speed": _speed(r),
     }
+    if r.drive == "free":
+        along = r.velocity / np.where(at_steps["speed"] > 0.0, at_steps["speed"], math.inf)[:, None]
+        at_steps["car_deceleration"] = -(along[:, 0] * r.acceleration[:, 0] + along[:, 1] * r.acceleration[:, 1])
     tensions = [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)]
     for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):
         horizontal, vertical = np.abs(force.T)
