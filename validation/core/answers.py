@@ -42,9 +42,9 @@ def crosswind_sentences(scene: Scene, model: str) -> str:
 
 
 def force_means_sentence(r: Response) -> str:
-    """Over what forces and angles of the rope among the design numbers are means."""
+    """Over what forces, decelerations and angles among the design numbers are means."""
     round_trip = SceneData(r.scene_toml, r.length).round_trip
-    return f"forces and angles of the rope are means over an axial round trip, {round_trip:.2g} s"
+    return f"forces, decelerations and angles of the rope are means over an axial round trip, {round_trip:.2g} s"
 
 
 class Outcome(NamedTuple):
