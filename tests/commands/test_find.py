@@ -9,6 +9,7 @@ import pytest
 
 import cablefem as cf
 from tests.commands.test_files import undocumented_keys
+from validation.commands.find import page as find_page
 from validation.commands.find.condition import parse_condition
 from validation.core import readback
 from validation.core.quasi_static import quasi_static
@@ -176,6 +177,21 @@ def test_ctrl_c_leaves_what_was_computed(cablefem, monkeypatch, count, more):
     assert 'id="find"' in Path("x/report.html").read_text()
 
 
+@pytest.mark.parametrize("values", [(80.0, 120.0, 160.0), ("haul", "grip", "free")])
+def test_a_curve_has_units_and_the_bars_that_are_known(tmp_path, values):
+    answers = zip(values, (4.0, 5.0, None), (0.5, None, None), strict=True)
+    rows = [{"at": at, "value": value, "bar": bar, "answer": ""} for at, value, bar in answers]
+    curve = {"for": "mass.mass", "key": "cable.sag", "for_unit": "kg", "unit": "m", "rows": rows}
+    (tmp_path / "find.json").write_text(json.dumps(curve))
+    (section,) = find_page.sections(tmp_path)
+    assert "mass.mass [kg]" in section.html
+    assert "cable.sag [m]" in section.html
+    figures = section.html.count("<figure")
+    assert figures == isinstance(values[0], float)  # there is no axis of words
+    assert section.html.count('class="c"') == 2 * figures  # the curve and one bar
+    assert ("Circles: the bar is unknown" in section.html) is bool(figures)
+
+
 @pytest.mark.slow
 def test_the_curve_of_two_keys(cablefem):
     given = ("cable.sag=4:8", "--so-that", "safety_factor >= 4", "--for", "mass.mass=80,120")
@@ -185,8 +201,10 @@ def test_the_curve_of_two_keys(cablefem):
     light, heavy = (json.loads(Path("x/find.json").read_text())["rows"][i]["value"] for i in (0, 1))
     assert heavy > light  # a heavier rider needs more sag
     table = Path("x/find.csv").read_text()
-    assert table.startswith("mass.mass,cable.sag,answer")
+    assert table.startswith("mass.mass,cable.sag,bar,answer")
     page = Path("x/report.html").read_text()
+    assert page.count("cable.sag [m]") >= 3  # axis, caption and table
+    assert page.count("mass.mass [kg]") >= 3
     printed = out.splitlines()
     assert list(readback.find_faults(Path("x"), page, printed)) == []
     Path("x/find.csv").write_text(table.replace("\n80,", "\n81,"))

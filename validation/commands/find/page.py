@@ -1,30 +1,55 @@
 """The answer to an inverse question: what was tried, or the curve over another key."""
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from validation.core import store
 from validation.page.page import Section, render_sections
-from validation.page.plot import BLUE, Panel, svg_figure
+from validation.page.plot import BLACK, BLUE, Panel, svg_figure
 
 
 def sections(folder: Path) -> list[Section]:
     stored = store.read_json(folder / "find.json")
     rows = stored.get("rows", [])
-    figure = ""
-    points = [(row["at"], row["value"]) for row in rows if row["value"] is not None]
-    if len(points) > 1:
-        x, y = np.array(points, float).T
-        p = Panel(stored["key"], "", 220.0)
-        p.add_curve(x, y, BLUE, "", 1.8)
-        p.fit_y_axis([y])
-        figure = svg_figure(
-            [p], (float(x.min()), float(x.max())), stored["for"], f"{stored['key']} over {stored['for']}."
-        )
     for row in stored.get("evaluations", []):
         row["said"] = "; ".join(_observed_text(x) for of_scene in row["read"] for x in of_scene)
-    return render_sections(__package__, found=stored, rows=rows, figure=figure)
+    heads = [_with_unit(stored["for"], stored["for_unit"]), _with_unit(stored["key"], stored["unit"])] if rows else []
+    figure = _curve_figure(rows, *heads) if rows else ""
+    return render_sections(__package__, found=stored, rows=rows, heads=heads, figure=figure)
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
+
+
+def _curve_figure(rows: Sequence[dict[str, Any]], other: str, key: str) -> Markup | str:
+    """Values of a key over those of another one, with their bars; "" of fewer than two, and over words.
+
+    other, key : with their units.
+    """
+    shown = [row for row in rows if row["value"] is not None]
+    if len(shown) < 2 or not all(isinstance(row["at"], int | float) for row in shown):
+        return ""
+    x = np.array([row["at"] for row in shown], float)
+    y = np.array([row["value"] for row in shown], float)
+    bar = np.array([math.nan if row["bar"] is None else row["bar"] for row in shown])
+    p = Panel("", key, 220.0)
+    p.add_curve(x, y, BLUE, "", 1.8)
+    for at, value, half in zip(x, y, bar, strict=True):
+        if math.isfinite(half):
+            p.add_curve(np.array([at, at]), np.array([value - half, value + half]), BLACK, "", 1.4)
+        p.dots.append((float(at), float(value), BLUE, bool(math.isfinite(half))))
+    p.fit_y_axis([y, y - bar, y + bar])
+    caption = f"{key} over {other}, with error bars of the model of the search."
+    if np.isnan(bar).any():
+        caption += " Circles: the bar is unknown, or of no use."
+    margin = 0.03 * float(np.ptp(x))
+    return svg_figure([p], (float(x.min()) - margin, float(x.max()) + margin), other, caption)
 
 
 def _observed_text(value: float | str | None) -> str:

@@ -114,10 +114,11 @@ class FindResult:
 
 @dataclass(frozen=True)
 class Curve:
-    """Answers for values of another key: rows of that value, of the key's or None, and of the answer in words."""
+    """Answers for values of another key: rows of that value, of the key's with its bar or None, of the answer."""
 
     other: str
     key: str
+    units: tuple[str, str]  # of the other key and of the key
     rows: list[dict[str, Any]]
     interrupted: bool = False
 
@@ -131,9 +132,13 @@ class Curve:
         return "\n".join(f"{self.other} = {row['at']}: {row['answer']}" for row in self.rows)
 
     def write(self, folder: Path) -> None:
-        names = {"at": self.other, "value": self.key, "answer": "answer"}
+        names = {"at": self.other, "value": self.key, "bar": "bar", "answer": "answer"}
         write_csv_rows(folder / "find.csv", [{names[name]: x for name, x in row.items()} for row in self.rows])
-        write_json(folder / "find.json", {"for": self.other, "key": self.key, "rows": self.rows})
+        other_unit, unit = self.units
+        write_json(
+            folder / "find.json",
+            {"for": self.other, "key": self.key, "for_unit": other_unit, "unit": unit, "rows": self.rows},
+        )
 
 
 def find(
@@ -260,14 +265,9 @@ class _Search:
                     fails_at = x
         share = self._crossing_share(holds_at, fails_at)
         value = holds_at if math.isnan(share) else holds_at + share * (fails_at - holds_at)
-        return Threshold(value, holds_at, fails_at, self._failure_text(fails_at), unit=self._key_unit())
-
-    def _key_unit(self) -> str:
-        """Unit of the key, of lists of tables that of the first."""
-        table, *rest = self.key.split(".")
-        names = (self.key, ".".join([table, "0", *rest[1:]]), ".".join([table, *rest[:1], "0", *rest[2:]]))
-        unit = next((key.unit for key in keys_of(type(self.scene)) if key.name in names), "-")
-        return "" if unit == "-" else unit
+        return Threshold(
+            value, holds_at, fails_at, self._failure_text(fails_at), unit=unit_of_key(self.scene, self.key)
+        )
 
     def _crossing_share(self, holds_at: float, fails_at: float) -> float:
         """Where the first number that fails crosses its limit, over the interval; nan where words decide."""
@@ -331,6 +331,14 @@ class _Search:
             if full.condition_holds_at(inner) and not full.condition_holds_at(outer):
                 return replace(threshold, bar=half)
         return threshold
+
+
+def unit_of_key(scene: Scene | Line, key: str) -> str:
+    """Unit of a key, of lists of tables that of the first; "" of a number without one."""
+    table, *rest = key.split(".")
+    names = (key, ".".join([table, "0", *rest[1:]]), ".".join([table, *rest[:1], "0", *rest[2:]]))
+    unit = next((known.unit for known in keys_of(type(scene)) if known.name in names), "-")
+    return "" if unit == "-" else unit
 
 
 def _deciding_margin(where_it_holds: Sequence[float], where_it_fails: Sequence[float]) -> tuple[int, bool]:
@@ -397,10 +405,12 @@ def find_curve(
     """Find for each value of another key, by the least model; `how` as in `find`."""
     rows: list[dict[str, Any]] = []
     (key,) = keys
+    units = (unit_of_key(scene, other_key), unit_of_key(scene, key))
     for value in values:
         try:
             result = find(scene.replace({other_key: value}), keys, check=False, **how)
         except KeyboardInterrupt:
-            raise Interrupted(Curve(other_key, key, rows, interrupted=True)) from None
-        rows.append({"at": value, "value": result.value, "answer": result.sentence})
-    return Curve(other_key, key, rows)
+            raise Interrupted(Curve(other_key, key, units, rows, interrupted=True)) from None
+        bar = result.changes[0].bar if result.changes else None
+        rows.append({"at": value, "value": result.value, "bar": bar, "answer": result.sentence})
+    return Curve(other_key, key, units, rows)

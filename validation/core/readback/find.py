@@ -53,6 +53,7 @@ class CurvePoint(NamedTuple):
 
     parameter: Any
     value: Any  # None: unknown
+    bar: Any  # None: unknown
     answer: str
 
 
@@ -64,7 +65,7 @@ def _curve_points(curve: Row) -> Iterator[CurvePoint]:
 def _curve_faults(curve: Row, table: Path, shown: Sequence[Sequence[str]]) -> Faults:
     """Faults of a curve in find.csv and in the rows of its page."""
     stored = [list(row.values()) for row in curve["rows"]]
-    expected = [[curve["for"], curve["key"], "answer"], *stored]
+    expected = [[curve["for"], curve["key"], "bar", "answer"], *stored]
     with table.open(encoding="utf-8", newline="") as file:
         if [*csv.reader(file)] != [["" if x is None else str(x) for x in row] for row in expected]:
             yield "find.csv is not find.json"
@@ -74,7 +75,9 @@ def _curve_faults(curve: Row, table: Path, shown: Sequence[Sequence[str]]) -> Fa
         has_value = point.value is not None
         if has_text is not has_value or (match and not _answer_shows_value(match, point.value)):
             yield f"{point.answer!r} where {point.value} is stored"
-    yield from _shown_row_faults(shown, stored)
+    yield from _shown_row_faults(
+        shown, [[point.parameter, point.value, point.answer] for point in _curve_points(curve)]
+    )
 
 
 def _shown_row_faults(shown: Sequence[Sequence[str]], stored: Sequence[Sequence[Any]]) -> Faults:
