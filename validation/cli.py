@@ -57,14 +57,27 @@ def run_command(arguments: list[str]) -> int:
         return int(command.invoke(context) or 0)
 
 
+def _print_interrupted(stored: str = "") -> int:
+    """Say that Ctrl-C ended the command, and what was stored; return the exit code."""
+    stored = stored or "files that were written are whole, and the command can be given again"
+    terminal.print_faults([f"interrupted; {stored}"])
+    return 130
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run one command; print what breaks it; return its exit code."""
+    interrupts: list[int] = []
+
+    def note_and_interrupt(number: int, frame: Any) -> None:
+        interrupts.append(number)
+        signal.default_int_handler(number, frame)
+
     gc.set_threshold(100_000, 50, 50)  # what is loaded stays; saves a tenth of a start
     atexit.register(gc.freeze)  # saves another two at the end
     usage_error: Any = typer.BadParameter.__mro__[1]
     try:
         if argv is None:
-            signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background of a script it is ignored
+            signal.signal(signal.SIGINT, note_and_interrupt)  # in the background of a script it is ignored
         return run_command(list(sys.argv[1:] if argv is None else argv))
     except typer.Exit as done:
         return done.exit_code
@@ -73,14 +86,14 @@ def main(argv: list[str] | None = None) -> int:
         terminal.print_faults([f"{' '.join(error.format_message().split())} (see {where} --help)"])
         return 2
     except (KeyboardInterrupt, typer.Abort) as stop:
-        stored = str(stop) or "files that were written are whole, and the command can be given again"
-        terminal.print_faults([f"interrupted; {stored}"])
-        return 130
+        return _print_interrupted(str(stop))
     except BrokenPipeError:
         # The reader has gone: nothing to flush at the end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except Exception as error:
+        if interrupts:  # a compiled module turns Ctrl-C while it is imported into an ImportError
+            return _print_interrupted()
         if not (hasattr(error, "faults") or isinstance(error, OSError)):
             traceback.print_exc()  # it was not the input
         terminal.print_faults(terminal.fault_sentences(error))

@@ -1,6 +1,7 @@
 """The command as people meet it: how it helps, refuses, and what its exit code says."""
 
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -112,6 +113,25 @@ def test_a_fault_of_ours_is_owned_up_to_and_never_looks_like_a_verdict(monkeypat
     assert err.splitlines()[-1].startswith(
         "cablefem: this is a fault of cablefem, not of your input (ZeroDivisionError: "
     )
+
+
+def test_ctrl_c_that_a_module_turns_into_an_error_of_its_import_is_ctrl_c(monkeypatch, capsys):
+    def import_interrupted():
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("initialization failed") from None
+
+    monkeypatch.setattr(Scene, "library", import_interrupted)
+    monkeypatch.setattr(sys, "argv", ["cablefem", "scenes"])
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        assert cli.main() == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert fault_lines(capsys.readouterr().err) == [
+        "interrupted; files that were written are whole, and the command can be given again"
+    ]
 
 
 def test_a_pipe_gets_plain_lines_whatever_the_width(cablefem, monkeypatch):
