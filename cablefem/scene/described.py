@@ -38,6 +38,8 @@ def library_text(name: str) -> str:
 
 def scene_text_and_name(name_or_path: str | Path) -> tuple[str, str]:
     """Text and name of a built-in scene or of a TOML file."""
+    if not isinstance(name_or_path, str | Path):
+        raise TypeError(f"scene must be the name of a built-in one or the path of a TOML file, got {name_or_path!r}")
     text = str(name_or_path)
     if text in BUILT_IN:
         return library_text(text), text
@@ -77,7 +79,7 @@ class Described(Part):
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:
-        """A built-in one or that of a TOML file; SceneError with all its faults."""
+        """A built-in one or that of a TOML file; SceneError with all faults, TypeError for what is no text or path."""
         text, name = scene_text_and_name(name_or_path)
         return cls.from_toml(text, name=name, folder=Path(name_or_path).parent)
 

@@ -1,5 +1,7 @@
 """`import cablefem as cf`: light, and every public name is there; names of scenes do where scenes do."""
 
+import math
+
 import pytest
 
 import cablefem as cf
@@ -22,6 +24,19 @@ def test_names_are_scenes():
     for module in (cf, validation):
         with pytest.raises(AttributeError, match="no attribute 'rune'"):
             module.rune  # noqa: B018
+
+
+@pytest.mark.parametrize("load", [cf.Scene.load, cf.Line.load, cf.check, cf.quasi_static])
+def test_what_is_neither_name_nor_path_is_refused_in_a_sentence(load):
+    for given in (5, None):
+        with pytest.raises(TypeError, match=rf"scene must be .*(name|Scene).*, got {given}$"):
+            load(given)
+
+
+@pytest.mark.parametrize("steps", ["10", True, math.nan, math.inf, 10.5])
+def test_a_number_of_steps_is_an_integer(steps):
+    with pytest.raises(ValueError, match=r"steps must be an integer, got (?!\d+$)"):
+        cf.run("level", "fourier", terms=4, steps=steps)
 
 
 def test_a_scene_of_one_span_is_no_line():

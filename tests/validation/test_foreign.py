@@ -155,6 +155,8 @@ def test_rows_after_the_travel_are_left_out():
         ("t,v\n", ["no rows below the names of the columns"]),
         ("0,0\n1,2\n", ["no column v (deflection of the mass [m], positive down); it has 0, 0"]),
         ("t,w\n0,0\n", ["no column v (deflection of the mass [m], positive down); it has t, w"]),
+        ("t,v_ft\n0,0\n", ["the ending of v_ft is not understood: must be v in m, or v_mm or v_km"]),
+        ("s_o_ft,v\n0,0\n", ["the ending of s_o_ft is not understood: must be s_o in m, or s_o_mm or s_o_km"]),
         ("place,v\n0,0\n", ["neither a column t [s] nor s_o [m]; it has place, v"]),
         ("t,v,v_mm\n0,0,0\n", ["columns v and v_mm both say v; leave one"]),
         ("t,v\n0,0\n1\n", ["line 3: 1 cells under 2 names"]),
@@ -240,7 +242,7 @@ def test_a_path_that_ends_early_is_not_comparable_but_told(our_ladder):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (([1.0, 2.0], [1.0, 2.0, 3.0]), "columns of one length"),
+        (([1.0, 2.0, 3.0], [1.0, 2.0]), "columns of one length, got the shapes s_o (3,), v (2,)"),
         (([1.0, 2.0], [1.0, np.nan]), "v[1] is not a finite number"),
         ((["a", "b"], [1.0, 2.0]), "could not convert"),
         ((np.eye(3), np.eye(3)), "columns of one length"),

@@ -99,9 +99,11 @@ class ForeignPath(MassPath):
 
 def _refuse_other_than_finite_columns(name: str, arrays: dict[str, Array]) -> None:
     """Raise Refused unless these are columns of one length, of finite numbers."""
-    shapes = {x.shape for x in arrays.values()}
-    if len(shapes) != 1 or len(*shapes) != 1:
-        raise Refused(f"{name}: {', '.join(arrays)} must be columns of one length, got shapes {sorted(shapes)}")
+    shapes = {column: array.shape for column, array in arrays.items()}
+    different = set(shapes.values())
+    if len(different) != 1 or len(*different) != 1:
+        got = ", ".join(f"{column} {shape}" for column, shape in shapes.items())
+        raise Refused(f"{name}: {', '.join(arrays)} must be columns of one length, got the shapes {got}")
     for column, array in arrays.items():
         if not np.isfinite(array).all():
             raise Refused(f"{name}: {column}[{int(np.argmin(np.isfinite(array)))}] is not a finite number")
@@ -165,12 +167,24 @@ def _header_faults(header: list[str], columns_by_index: dict[int, tuple[str, flo
         names.setdefault(quantity, []).append(header[i])
     twice = {quantity: x for quantity, x in names.items() if len(x) > 1}
     faults = [f"columns {' and '.join(x)} both say {quantity}; leave one" for quantity, x in twice.items()]
-    have = f"it has {', '.join(header)}"
+    have = f"it has {', '.join(header)}{_endings_not_understood(header, names)}"
     if not {"v", "y"} & names.keys():
         faults.append(f"no column v (deflection of the mass [m], positive down); {have}")
     if scene.drive.mode != "free" and not {"t", "s_o"} & names.keys():
         faults.append(f"neither a column t [s] nor s_o [m]; {have}")
     return faults
+
+
+def _endings_not_understood(header: Sequence[str], found: Container[str]) -> str:
+    """Text on columns of quantities not found whose ending is no unit that is read; empty without any."""
+    text = ""
+    for name in header:
+        quantity = next((x for x in sorted(_COLUMNS, key=len, reverse=True) if name.startswith(f"{x}_")), "")
+        if quantity and quantity not in found:
+            si, *others = _UNITS[_COLUMNS[quantity]]
+            endings = " or ".join(f"{quantity}_{unit}" for unit in others)
+            text += f"; the ending of {name} is not understood: must be {quantity} in {si}, or {endings}"
+    return text
 
 
 def _cell_faults(

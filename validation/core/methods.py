@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import entry_points
+from numbers import Real
 from typing import Any
 
 from cablefem.newmark import SCHEMES
@@ -30,10 +31,12 @@ class Setting:
             return value
         kind = type(self.default)
         try:
+            if isinstance(value, bool) or not isinstance(value, Real):
+                raise TypeError
             number = kind(value)
             if isinstance(value, float) and number != value and not value != value:
                 raise ValueError
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             word = "an integer" if kind is int else "a number"
             raise ValueError(f"{name} must be {word}, got {value!r}") from None
         smallest, largest = self.allowed

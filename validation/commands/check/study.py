@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cablefem.response import Flag, Response, write_json, write_text
 from cablefem.scene import Scene
 from cablefem.scene.errors import did_you_mean, short_text
@@ -367,7 +369,7 @@ def check_solver(
     """Run a user's own solver on a scene and compare it with both of ours; its rows come last in the verdict.
 
     solver : scene -> (s_o, v) or (s_o, v, u) in [m], v down, along the scene's travel; of a free ride (t, x, y) in [s]
-        and [m], from the left support, y down; or a Response.
+        and [m], from the left support, y down; or an array whose rows these are; or a Response.
     tol, progress : of our own solvers, as in `check`.
     with_tol : allowed to the solver beside our error bar, relative to the largest deflection.
     ours : an earlier check of this scene.
@@ -392,9 +394,12 @@ def _path_of_columns(scene: Scene, answer: Any, name: str) -> ForeignPath:
     free = scene.drive.mode == "free"
     columns = ("t", "x", "y") if free else ("s_o", "v", "u")
     counts = (3,) if free else (2, 3)
-    several = isinstance(answer, tuple | list)
+    array = isinstance(answer, np.ndarray) and answer.ndim > 0  # its rows are the columns
+    several = array or isinstance(answer, tuple | list)
     if not (several and len(answer) in counts):
         wanted = "(t, x, y)" if free else "(s_o, v) or (s_o, v, u)"
-        got = type(answer).__name__ + (f" of {len(answer)}" if several else "")
+        got = type(answer).__name__
+        if several:
+            got += f" of shape {answer.shape}" if array else f" of {len(answer)}"
         raise Refused(f"{name}: must return {wanted}, or a Response; got {got}")
     return ForeignPath.of(scene, **dict(zip(columns, answer, strict=False)), name=name)
