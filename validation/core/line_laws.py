@@ -537,30 +537,38 @@ def _note_gaps_of_profile(gaps: LargestGaps, data: LineAtRest, rest: StatesAtRes
     drawn = json.loads((folder / "ropes.json").read_text(encoding="utf-8"))
     x = np.array([float(row["x"]) for row in table])
     ropes = {i: RopeAtRest(data, state, data.stations(i)) for i, state in rest.states.items()}
-    depth_curves = {i: rope.depth_and_tension_at_x(x)[0] for i, rope in ropes.items()}
-    y = np.array(list(depth_curves.values()))  # (positions, m)
-    near = 1e-9 * float(np.ptp(x))  # a car that grips at a station: the tension jumps there, and both values count
-    both_sides = [np.clip(x + dx, x[0], x[-1]) for dx in (-near, near)]
-    T = np.array([rope.depth_and_tension_at_x(side)[1] for rope in ropes.values() for side in both_sides])
-    empty = RopeAtRest(data, rest.empty, data.stations(None), empty=True).depth_and_tension_at_x(x)[0]
-    columns = {
-        "x": x,
-        "y_rest": empty,
-        "y_highest": y.min(axis=0),
-        "y_lowest": y.max(axis=0),
-        "tension_max": T.max(axis=0),
-        "tension_min": T.min(axis=0),
-    }
+    empty = RopeAtRest(data, rest.empty, data.stations(None), empty=True)
+    columns = _expected_profile(list(ropes.values()), empty, x)
     rounding = ROUNDING * float(np.ptp(x))
     for name, expected in columns.items():
-        allowed = ROUNDING * float(T.max()) if "tension" in name else rounding
+        allowed = ROUNDING * float(columns["tension_max"].max()) if "tension" in name else rounding
         for k, value in enumerate(expected.tolist()):
             where = f"x = {x[k]:.6g} m"
             gaps.note_difference(f"profile.csv, {name}", where, _float_or_none(table[k].get(name)), value, allowed)
             gaps.note_difference("ropes.json", where, drawn["profile"][name][k], value, allowed)
     for position, depths in drawn["depths"].items():
-        off = np.abs(np.subtract(depths, depth_curves[int(position) - 1]))
+        expected, _ = ropes[int(position) - 1].depth_and_tension_at_x(x)
+        off = np.abs(np.subtract(depths, expected))
         gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / rounding)
+
+
+def _expected_profile(ropes: Sequence[RopeAtRest], empty: RopeAtRest, x: Array) -> dict[str, Array]:
+    """Columns of profile.csv at x (m,): the empty rope, and the extremes of depth and tension of all positions.
+
+    At a car that grips the tension jumps, and both of its values count.
+    """
+    near = 1e-9 * float(np.ptp(x))
+    both_sides = [np.clip(x + dx, x[0], x[-1]) for dx in (-near, near)]
+    y = np.array([rope.depth_and_tension_at_x(x)[0] for rope in ropes])  # (positions, m)
+    T = np.array([rope.depth_and_tension_at_x(side)[1] for rope in ropes for side in both_sides])
+    return {
+        "x": x,
+        "y_rest": empty.depth_and_tension_at_x(x)[0],
+        "y_highest": y.min(axis=0),
+        "y_lowest": y.max(axis=0),
+        "tension_max": T.max(axis=0),
+        "tension_min": T.min(axis=0),
+    }
 
 
 def _note_gaps_of_design(

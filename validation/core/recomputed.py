@@ -328,20 +328,26 @@ class ExpectedOutcome:
 def recomputed_outcome_row(r: Response, counterpart: Response | None, kind: str, sentence: str) -> Agreement:
     """An outcome against the last event, the TOML's brakes and travel, breaking load and clearances."""
     readings = RecomputedNumbers(r, counterpart)
-    if r.status != "complete" and r.slack_onset is None:
-        right = ExpectedOutcome("incomplete", [float(r.s_o[-1]), float(r.t[-1])])
-    elif r.drive == "free":
-        right = _expected_outcome_of_free_ride(r, readings.data.drive)
-    else:
-        right = _expected_outcome_of_travel(r, readings)
-    lifts_off = [event for event in r.events if event["event"] == "lift_off"]
-    if lifts_off and right.kind != "incomplete":
-        right.numbers = [lifts_off[0]["s_o"], lifts_off[0]["t"], *right.numbers]
+    right = _expected_end_of_motion(r, readings)
     bars = {row["quantity"]: row["bar"] or 0.0 for row in r.design}
     right.parts = _obstacle_hit_sentences(readings, bars)
     if "safety_factor_min" in bars:
         _add_broken_rope_to(right, readings, bars["safety_factor_min"])
     return _recomputed_row(r, "outcome", "", 0.0 if right.matches(kind, sentence) else 1.0, ROUNDING)
+
+
+def _expected_end_of_motion(r: Response, readings: RecomputedNumbers) -> ExpectedOutcome:
+    """How the car's motion ends, after where it first lifts off."""
+    if r.status != "complete" and r.slack_onset is None:
+        return ExpectedOutcome("incomplete", [float(r.s_o[-1]), float(r.t[-1])])
+    if r.drive == "free":
+        end = _expected_outcome_of_free_ride(r, readings.data.drive)
+    else:
+        end = _expected_outcome_of_travel(r, readings)
+    first = next((event for event in r.events if event["event"] == "lift_off"), None)
+    if first is not None:
+        end.numbers = [first["s_o"], first["t"], *end.numbers]
+    return end
 
 
 def _expected_outcome_of_free_ride(r: Response, drive: dict[str, Any]) -> ExpectedOutcome:
