@@ -13,7 +13,9 @@ from cablefem.scene.fields import NonNegative, Part, Positive, described_field
 class Wind(Part):
     """The table [wind]."""
 
-    across: NonNegative = described_field("[m/s] across the line; it damps the cable; its load on rope and car is left out")
+    across: NonNegative = described_field(
+        "[m/s] across the line; it damps the cable; its load on rope and car is left out"
+    )
     drag_coefficient: Positive = described_field("[-] of the cable", 1.2)
     air_density: Positive = described_field("[kg/m3] density of the air", 1.2)
 
