@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.newmark import Solve, State, System
+from cablefem.newmark import Solve, State, System, TangentFactors
 from cablefem.response import Observation, States
 from galerkin.bases.kink import Array
 from galerkin.equations import GalerkinSystem
@@ -81,7 +81,7 @@ class SystemOverPosition(System):
         for _ in range(3):  # Newton; nearly linear
             q = d * first_derivative + (0.5 * d * d) * second
             v = first_derivative + d * second
-            r, solve = self.linearise(d, q, v, second, 0, 0.5 * d * d, d, 1.0)
+            r, solve = self.linearise(d, q, v, second, 0, (0.5 * d * d, d, 1.0))
             second = second - solve(r.copy())
         return second
 
@@ -89,11 +89,11 @@ class SystemOverPosition(System):
         t, ds_o, dds_o = self._time_speed_acceleration(s_o, phase)
         return self.system.residual(t, *time_derivatives(q, v, a, ds_o, dds_o), phase)
 
-    def linearise(self, s_o: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
+    def linearise(self, s_o: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         c0, c1, c2 = c
         t, ds_o, dds_o = self._time_speed_acceleration(s_o, phase)
         x = time_derivatives(q, v, a, ds_o, dds_o)
-        return self.system.linearise(t, *x, phase, c0, c1 * ds_o, c1 * dds_o + c2 * ds_o**2)
+        return self.system.linearise(t, *x, phase, (c0, c1 * ds_o, c1 * dds_o + c2 * ds_o**2))
 
     def states_over_time(self, states: States) -> States:
         """The states with t instead of s_o, and derivatives by it."""

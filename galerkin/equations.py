@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
 
 from cablefem import newmark
-from cablefem.newmark import Newton, Solve, State, StepFailure, System
+from cablefem.newmark import Newton, Solve, State, StepFailure, System, TangentFactors
 from cablefem.newmark.equilibrium import solve_equilibrium
 from cablefem.newmark.newton import solve_newton_dense
 from cablefem.response import Observation, States
@@ -137,11 +137,11 @@ class GalerkinSystem(System):
         self.min_tension_and_position = self.cable.min_tension_and_position(self.basis, x.tables, tensions)
         return self._residual_at_instant(x, q, v, a, force)
 
-    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
         force, tensions, K = self.cable.force_tensions_and_tangent(x.tables, self._coefficients_by_field(q))
         self.min_tension_and_position = self.cable.min_tension_and_position(self.basis, x.tables, tensions)
-        return self._residual_at_instant(x, q, v, a, force), lu_solver_overwriting(self._tangent_at_instant(x, K, *c))
+        return self._residual_at_instant(x, q, v, a, force), lu_solver_overwriting(self._tangent_at_instant(x, K, c))
 
     def _coefficients_by_field(self, y: Array) -> Array:
         """The coefficients (fields, n) of unknowns or rates."""
@@ -160,12 +160,13 @@ class GalerkinSystem(System):
             return r.ravel()
         return np.append(r.ravel(), q[self.n_modal :] - Q @ c.f)
 
-    def tangent(self, t: float, q: Array, phase: int, c0: complex, c1: complex, c2: complex) -> Array:
+    def tangent(self, t: float, q: Array, phase: int, c: TangentFactors) -> Array:
         x = self.instant(t, phase)
         stiffness = self.cable.force_tensions_and_tangent(x.tables, self._coefficients_by_field(q))[2]
-        return self._tangent_at_instant(x, stiffness, c0, c1, c2)
+        return self._tangent_at_instant(x, stiffness, c)
 
-    def _tangent_at_instant(self, x: Instant, stiffness: Array, c0: complex, c1: complex, c2: complex) -> Array:
+    def _tangent_at_instant(self, x: Instant, stiffness: Array, factors: TangentFactors) -> Array:
+        c0, c1, c2 = factors
         c = x.inertia_terms
         inertia = np.multiply(
             c2 + c1 * self.damping, c.mass, dtype=np.result_type(c0, c1, c2, c.mass)

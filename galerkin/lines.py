@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cablefem.motion import LineMotion
-from cablefem.newmark import Solve, State, StepFailure, System
+from cablefem.newmark import ACCELERATION_ONLY, Solve, State, StepFailure, System, TangentFactors
 from cablefem.scene.contacts import NEAREST, Array, Contact, MovingLine
 from galerkin.bodies import CarBody, Friction
 from galerkin.equations import lu_solver_overwriting
@@ -157,7 +157,7 @@ class LineSines(System):
             instants = self._instants = t, phase, prescribed
         return instants[2].copy()
 
-    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         state = np.array([q, v, a])
         last = self._linearised
         if last is None or (last.t, last.phase) != (t, phase) or not np.array_equal(last.state, state):
@@ -216,7 +216,7 @@ class LineSines(System):
         a = x.a.copy()
         bound = 1e-6 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor
         for _ in range(20):
-            r, solve = self.linearise(x.t, x.q, x.v, a, x.phase, 0.0, 0.0, 1.0)
+            r, solve = self.linearise(x.t, x.q, x.v, a, x.phase, ACCELERATION_ONLY)
             a = a - solve(r.copy())
             if np.linalg.norm(r) <= bound:
                 return State(x.t, x.q, x.v, a, x.phase)

@@ -14,7 +14,7 @@ from typing import Self
 
 import numpy as np
 
-from cablefem.newmark import NO_STEPS, Newton, Solve, State, quasi_static_start
+from cablefem.newmark import ACCELERATION_ONLY, NO_STEPS, Newton, Solve, State, TangentFactors, quasi_static_start
 from cablefem.newmark.equilibrium import solve_equilibrium, solve_equilibrium_on_haul_rope
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -154,7 +154,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         return self._residual_and_derivatives(State(t, q, v, a, phase), 0)[0]
 
-    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         r, derivatives = self._residual_and_derivatives(State(t, q, v, a, phase), 3)
         return r, lu_solver_overwriting(np.tensordot(c, derivatives, 1))
 
@@ -266,7 +266,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """The state with the accelerations that its balance needs."""
         a = np.zeros(self.n_dof)
         for _ in range(3):  # friction is not linear
-            r, solve = self.linearise(x.t, x.q, x.v, a, x.phase, 0.0, 0.0, 1.0)
+            r, solve = self.linearise(x.t, x.q, x.v, a, x.phase, ACCELERATION_ONLY)
             a = a - solve(r.copy())
         return State(x.t, x.q, x.v, a, x.phase)
 
@@ -284,7 +284,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
 class CarOnRope(RollingSystem):
     """A hauled car at rest; its last unknown is the haul force."""
 
-    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         r, derivatives = self._residual_and_derivatives(State(t, q, v, np.append(a[:-1], q[-1]), phase), 3)
         derivatives[0, :, -1] = derivatives[2, :, -1]
         return r, lu_solver_overwriting(np.tensordot(c, derivatives, 1))

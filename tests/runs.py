@@ -81,7 +81,7 @@ def tangent_defect(system, t, rng, *, phase=0, size=0.04):
     q, v, a = size * rng.standard_normal((3, n))
     c = rng.uniform(0.2, 1.8, 3)
     x = rng.standard_normal(n)
-    r, solve = system.linearise(t, q, v, a, phase, *c)
+    r, solve = system.linearise(t, q, v, a, phase, c)
     np.testing.assert_allclose(r, system.residual(t, q, v, a, phase), rtol=0.0, atol=1e-13 * np.abs(r).max())
     e = 1e-6
 

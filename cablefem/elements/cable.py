@@ -27,7 +27,7 @@ from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_newmark_steps
 from cablefem.elements.observing import MotionAtMass, StationFields, StationPoints
 from cablefem.elements.reference import QuadraturePoints
-from cablefem.newmark import Array, Newton, Solve, State, StepResult, System, Tableau
+from cablefem.newmark import Array, Newton, Solve, State, StepResult, System, Tableau, TangentFactors
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -117,16 +117,15 @@ class CableElements(System):
         self._set_residual_and_tangent(t, phase, np.array([q, v, a]), r, NO_TANGENT)
         return r
 
-    def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> tuple[Array, Solve]:
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         """Residual (n_dof,), and a solver of c0 dr/dq + c1 dr/dv + c2 dr/da, banded with a border."""
         r = np.empty(self.n_dof)
         x = np.array([q, v, a])
         tangent = self._tangent
+        c0, c1, c2 = c
         if isinstance(c0, complex):  # a sum of real ones
             tangent = self._zero_tangent(complex)
-            for factor, unit in zip((c0, c1, c2), UNITS, strict=True):
+            for factor, unit in zip(c, UNITS, strict=True):
                 self._set_residual_and_tangent(t, phase, x, r, unit)
                 for to, of in zip(tangent, self._tangent, strict=True):
                     if to is not None:

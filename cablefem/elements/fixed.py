@@ -29,10 +29,12 @@ from cablefem.elements.reference import (
     shape_table,
 )
 from cablefem.newmark import (
+    ACCELERATION_ONLY,
     Array,
     Solve,
     State,
     StepResult,
+    TangentFactors,
     collocate_first_step,
     consistent_acceleration,
     newmark_step,
@@ -74,15 +76,14 @@ class FixedElements(CableElements):
         slope_jump = jump * N_s @ state.q[dofs]
         load = np.zeros(self.fields * self.n_scalar)
         load[dofs] = -self.inertia * np.outer(N, jump * self.static_shape_and_derivatives(s_o)[1] + slope_jump)
-        _, solve = super().linearise(t, state.q, state.v, state.a, phase, 0.0, 0.0, 1.0)
+        _, solve = super().linearise(t, state.q, state.v, state.a, phase, ACCELERATION_ONLY)
         solve(load)
         return State(t, state.q, state.v, state.a + np.append(load, N @ load[dofs] + slope_jump), phase)
 
-    def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> tuple[Array, Solve]:
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         """As of the cable; the rows of a particle are eliminated by its constraint."""
-        r, solve = super().linearise(t, q, v, a, phase, c0, c1, c2)
+        c0, _, c2 = c
+        r, solve = super().linearise(t, q, v, a, phase, c)
         if not self.particle:
             return r, solve
         if c0 == 0.0:

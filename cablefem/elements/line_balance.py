@@ -15,8 +15,8 @@ from scipy.sparse.linalg import splu
 from cablefem.elements.bodies import INPUTS, CarData, car_force_jacobian, forces_on_cars, swing_constants
 from cablefem.elements.bordered import BandMatrix, DenseMatrix, Matrix
 from cablefem.elements.line_coordinates import Coordinates, LineCoordinates
-from cablefem.elements.segments import Law, Motion, TangentFactors
-from cablefem.newmark import Array, Solve
+from cablefem.elements.segments import Law, Motion
+from cablefem.newmark import Array, Solve, TangentFactors
 from cablefem.scene.contacts import MovingLine
 
 if TYPE_CHECKING:
@@ -217,19 +217,13 @@ class LineBalance(LineCoordinates):
         return data
 
     # --- tangent ---------------------------------------------------------------------------------------------
-    def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> tuple[Array, Solve]:
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         x = self.coordinates_from_unknowns(t, q, v, a, phase)
         rows = self._select_unknown_rows(self.balance_rows(t, x, phase))
-        return rows, self._tangent_solver_of_unknowns(t, x, phase, (c0, c1, c2))
+        return rows, self._tangent_solver_of_unknowns(t, x, phase, c)
 
-    def factorised_tangent(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> Solve:
-        return self._tangent_solver_of_unknowns(
-            t, self.coordinates_from_unknowns(t, q, v, a, phase), phase, (c0, c1, c2)
-        )
+    def factorised_tangent(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> Solve:
+        return self._tangent_solver_of_unknowns(t, self.coordinates_from_unknowns(t, q, v, a, phase), phase, c)
 
     def _tangent_solver_of_unknowns(self, t: float, x: Coordinates, phase: int, c: TangentFactors) -> Solve:
         """The solution for all unknowns, 0 for s of cars that stick."""

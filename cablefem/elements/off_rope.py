@@ -6,8 +6,8 @@ import numpy as np
 
 from cablefem.elements.bodies import INPUTS, CarData, ForcesOnCars, forces_on_cars, swing_constants
 from cablefem.elements.bordered import Matrix
-from cablefem.elements.segments import TangentFactors, dot
-from cablefem.newmark import Array
+from cablefem.elements.segments import dot
+from cablefem.newmark import Array, TangentFactors
 from cablefem.scene.contacts import Car, MovingLine
 
 

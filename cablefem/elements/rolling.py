@@ -19,7 +19,7 @@ from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.balance import Factors, Instant
 from cablefem.elements.kernels.newton import NO_TANGENT
-from cablefem.newmark import Array, Newton, Solve, State, StepResult, Tableau
+from cablefem.newmark import Array, Newton, Solve, State, StepResult, Tableau, TangentFactors
 from cablefem.newmark.equilibrium import solve_equilibrium, solve_equilibrium_on_haul_rope
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -228,11 +228,10 @@ class RollingElements(RollingCar, FollowingElements):
 class HauledCarAtRest(RollingElements):
     """A hauled car at rest; its last unknown is the force of the rope."""
 
-    def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> tuple[Array, Solve]:
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
+        c0, c1, c2 = c
         c2 = c2 or TINY
-        r, solve = super().linearise(t, q, v, np.append(a[:-1], q[-1]), phase, c0, c1, c2)
+        r, solve = super().linearise(t, q, v, np.append(a[:-1], q[-1]), phase, (c0, c1, c2))
 
         def solve_for_force(b: Array) -> Array:
             x = solve(b)

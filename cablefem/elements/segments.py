@@ -19,15 +19,12 @@ import numpy as np
 import skfem
 
 from cablefem.elements.reference import element_unknowns, lagrange_element
-from cablefem.newmark import Array
+from cablefem.newmark import Array, TangentFactors
 from cablefem.scene.contacts import Elastic
 
 SIGN = np.array([-1.0, 1.0])  # e of the left end and of the right one
 DOWN = np.array([0.0, 1.0])
 STEP = 1e-30  # of derivatives by a complex step
-
-
-TangentFactors = tuple[complex, complex, complex]  # c0, c1, c2 of c0 dr/dq + c1 dr/dv + c2 dr/da
 
 
 class Motion(NamedTuple):

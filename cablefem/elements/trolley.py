@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.elements.bodies import STEP, CarData
-from cablefem.elements.segments import TangentFactors
-from cablefem.newmark import Array
+from cablefem.newmark import Array, TangentFactors
 from cablefem.scene.contacts import Car
 
 if TYPE_CHECKING:

@@ -9,5 +9,14 @@ from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
 from cablefem.newmark.states import Array, Collocated, Inside, State, StateBlock, StateHistory, Steps, stack_states
 from cablefem.newmark.stepper import PassedEvent, Work
 from cablefem.newmark.steps import step_times_by_phase
-from cablefem.newmark.system import NO_STEPS, ManySteps, Solve, System, consistent_acceleration, newmark_step
+from cablefem.newmark.system import (
+    ACCELERATION_ONLY,
+    NO_STEPS,
+    ManySteps,
+    Solve,
+    System,
+    TangentFactors,
+    consistent_acceleration,
+    newmark_step,
+)
 from cablefem.newmark.tableau import Tableau, interpolate_hermite, state_inside_step, with_states_inside_steps

@@ -46,7 +46,7 @@ def _solve_equilibrium_from(system: System, q: Array, shorten: Shorten) -> Array
     first = smallest = math.inf
     for i in range(ITERATIONS):
         with np.errstate(over="ignore", invalid="ignore"):
-            r, solve = system.linearise(0.0, q, zero, zero, 0, 1.0, 0.0, weight)
+            r, solve = system.linearise(0.0, q, zero, zero, 0, (1.0, 0.0, weight))
             norm = float(np.linalg.norm(r))
             stagnates = norm <= ROUNDING * bound and norm >= smallest
             if norm <= bound or stagnates:

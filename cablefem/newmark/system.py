@@ -12,6 +12,8 @@ from cablefem.newmark.states import Array, State, Steps
 from cablefem.newmark.tableau import Tableau
 
 Solve = Callable[[Array], Array]
+TangentFactors = tuple[complex, complex, complex]  # c0, c1, c2 of c0 dr/dq + c1 dr/dv + c2 dr/da
+ACCELERATION_ONLY: TangentFactors = (0.0, 0.0, 1.0)  # dr/da
 
 
 class ManySteps(NamedTuple):
@@ -54,20 +56,16 @@ class System(Protocol):
         """`residual` at n instants: t (n,), the others (n, n_dof)."""
         return np.array([self.residual(*x, phase) for x in zip(t.tolist(), q, v, a, strict=True)])
 
-    def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> tuple[Array, Solve]:
-        """r, and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1 until the next call.
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
+        """r, and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1, c = c0, c1, c2, until the next call.
 
         It may overwrite its argument.
         """
         raise NotImplementedError
 
-    def factorised_tangent(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> Solve:
+    def factorised_tangent(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> Solve:
         """The second of `linearise`."""
-        return self.linearise(t, q, v, a, phase, c0, c1, c2)[1]
+        return self.linearise(t, q, v, a, phase, c)[1]
 
     # --- steps -----------------------------------------------------------------------------------------
     def solve_step(self, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton) -> StepResult:
@@ -136,7 +134,7 @@ def newmark_step(
 
     def linearise() -> tuple[Array, Solve]:
         q, v, a = w * end + from_start
-        return system.linearise(t, q, v, a, phase, c0, c1, c2)
+        return system.linearise(t, q, v, a, phase, (c0, c1, c2))
 
     def update(da: Array) -> None:
         np.subtract(end, c * da, out=end)
@@ -147,5 +145,5 @@ def newmark_step(
 
 def consistent_acceleration(system: System, t: float, q: Array, v: Array, phase: int) -> State:
     """The state whose a solves r(t, q, v, a) = 0."""
-    r, solve = system.linearise(t, q, v, np.zeros(system.n_dof), phase, 0.0, 0.0, 1.0)
+    r, solve = system.linearise(t, q, v, np.zeros(system.n_dof), phase, ACCELERATION_ONLY)
     return State(t, q, v, -solve(r.copy()), phase)

@@ -33,7 +33,8 @@ class Spring(System):
         self.seen.append(t)
         return self.m * a + self.d * v + self.k * q + self.k3 * q**3 - self.applied_force(t, phase)
 
-    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+    def linearise(self, t, q, v, a, phase, c):
+        c0, c1, c2 = c
         tangent = c2 * self.m + c1 * self.d + c0 * (self.k + 3.0 * self.k3 * q**2)
         return self.residual(t, q, v, a, phase), lambda r: r / tangent
 
@@ -86,8 +87,9 @@ class Rubbed(Spring):
     def residual(self, t, q, v, a, phase):
         return super().residual(t, q, v, a, phase) if self.sign else self.m * a + 1e3 * v
 
-    def linearise(self, t, q, v, a, phase, c0, c1, c2):
-        r, solve = super().linearise(t, q, v, a, phase, c0, c1, c2)
+    def linearise(self, t, q, v, a, phase, c):
+        _, c1, c2 = c
+        r, solve = super().linearise(t, q, v, a, phase, c)
         return (r, solve) if self.sign else (self.residual(t, q, v, a, phase), lambda b: b / (c2 * self.m + c1 * 1e3))
 
     def apply_event(self, name, x):
@@ -129,7 +131,8 @@ class DoublePendulum(Spring):
         turning = self.both * np.sin(q[0] - q[1]) * np.array([v[1] ** 2, -(v[0] ** 2)])
         return self.mass(q) @ a + turning + self.weight * np.sin(q)
 
-    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+    def linearise(self, t, q, v, a, phase, c):
+        c0, c1, c2 = c
         s, c, both = np.sin(q[0] - q[1]), np.cos(q[0] - q[1]), self.both
         by_difference = both * (c * np.array([v[1] ** 2, -(v[0] ** 2)]) - s * np.array([a[1], a[0]]))
         by_q = np.outer(by_difference, [1.0, -1.0]) + np.diag(self.weight * np.cos(q))
@@ -152,7 +155,8 @@ class Follower(Spring):
         x, dx = np.sin(self.w * t), self.w * np.cos(self.w * t)
         return super().residual(t, q - x, v - dx, a + self.w**2 * x, phase)
 
-    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+    def linearise(self, t, q, v, a, phase, c):
+        c0, c1, c2 = c
         tangent = c2 * self.m + c1 * self.d + c0 * (self.k + 3.0 * self.k3 * (q - np.sin(self.w * t)) ** 2)
         return self.residual(t, q, v, a, phase), lambda r: r / tangent
 
@@ -175,7 +179,8 @@ class Guided(Spring):
     def residual(self, t, q, v, a, phase):
         return np.array([1.7 * a[0] + 0.4 * a[1] + 5.3 * (q[0] - q[1]), q[1] - np.sin(self.w[0] * t)])
 
-    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+    def linearise(self, t, q, v, a, phase, c):
+        c0, _, c2 = c
         K = np.array([[1.7 * c2 + 5.3 * c0, 0.4 * c2 - 5.3 * c0], [0.0, c0]])
         r = self.residual(t, q, v, a, phase)
         return r, lambda b: np.linalg.solve(K, b) if c0 else np.full_like(b, np.nan)

@@ -46,7 +46,7 @@ def position_by_scipy(system, begin, end, rtol=1e-12, atol=1e-13):
     n, zero = system.n_dof, np.zeros(system.n_dof)
 
     def rate(t, y):
-        r, solve = system.linearise(t, y[:n], y[n:], zero, 0, 0.0, 0.0, 1.0)
+        r, solve = system.linearise(t, y[:n], y[n:], zero, 0, (0.0, 0.0, 1.0))
         return np.concatenate([y[n:], -solve(r.copy())])
 
     y0 = np.concatenate([begin.q, begin.v])

@@ -43,7 +43,8 @@ class Block(RollingCar):
         rub = self.mode.heading * self.max_resistance(WEIGHT * math.cos(self.slope(q[0])))
         return MU * a - self.along(t, q[0], v[0], phase) + rub
 
-    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+    def linearise(self, t, q, v, a, phase, c):
+        _, c1, c2 = c
         return self.residual(t, q, v, a, phase), lambda r: r / (MU * c2 + self.damping * c1)
 
     def car_forces(self, x):

@@ -101,7 +101,7 @@ def test_the_tangent_is_the_derivative_of_the_residual(drive):
         system = RollingElements(replace(groups, drive=replace(forces, mu_r=mu_r)), elements=3, degree=3, grading=1.4)
         q, v, a = random_rolling_state(system, 1e-4)
         x = rng.standard_normal(system.n_dof)
-        _, solve = system.linearise(0.9, q, v, a, 0, *c)
+        _, solve = system.linearise(0.9, q, v, a, 0, c)
         near = [system.residual(0.9, q + h * c[0] * x, v + h * c[1] * x, a + h * c[2] * x, 0) for h in (1e-6, -1e-6)]
         quotient = (near[0] - near[1]) / 2e-6
         assert np.abs(solve(quotient.copy()) - x).max() < bound * np.abs(x).max()

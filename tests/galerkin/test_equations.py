@@ -260,8 +260,8 @@ def test_the_tangent_is_the_derivative_of_the_residual(basis, model, law, load, 
 
 def test_the_tangent_check_sees_a_sign():
     class Wrong(GalerkinSystem):
-        def linearise(self, t, q, v, a, phase, c0, c1, c2):
-            return super().linearise(t, q, v, a, phase, c0, -c1, c2)
+        def linearise(self, t, q, v, a, phase, c):
+            return super().linearise(t, q, v, a, phase, (c[0], -c[1], c[2]))
 
     assert tangent_defect(Wrong(STEEP, Fourier(5)), 1.07, np.random.default_rng(21)) > 1e-3
 

@@ -76,7 +76,7 @@ def test_the_tangent_of_a_step(mode, rubs):
         return system.residual(0.9, *(y + h * w * z for y, w, z in zip((q, v, a), c, (stays, x, x), strict=True)), 0)
 
     def off(*c):
-        _, solve = system.linearise(0.9, q, v, a, 0, *c)
+        _, solve = system.linearise(0.9, q, v, a, 0, c)
         return np.abs(solve((moved(e) - moved(-e)) / (2.0 * e)) - x).max()
 
     assert off(*c) < (0.1 if rubs else 0.03)

@@ -226,7 +226,7 @@ def test_tangent_is_the_derivative_of_the_balance_at_a_standstill(compiled):
     for c in ((0.3, 0.5, 1.0), (1.0, 0.1, 1e-2), (1e-3, 0.02, 1.0)):
         y, step = rng.standard_normal(q.size), 1e-6
         moved = [system.residual(1.0, q + e * c[0] * y, e * c[1] * y, e * c[2] * y, 0) for e in (step, -step)]
-        _, solve = system.linearise(1.0, q, zero, zero, 0, *c)
+        _, solve = system.linearise(1.0, q, zero, zero, 0, c)
         want = (moved[0] - moved[1]) / (2.0 * step)
         np.testing.assert_allclose(solve(want.copy()), y, atol=1e-4)
         assert np.abs(solve(1.01 * want) - y).max() > 1e-3
@@ -235,7 +235,7 @@ def test_tangent_is_the_derivative_of_the_balance_at_a_standstill(compiled):
 def test_compiled_loops_are_the_forms():
     (fast, at), (slow, _) = system_and_random_state(True), system_and_random_state(False)
     for c in ((0.3, 0.5, 1.0), (0.1j, 0.2 + 0.4j, 1.0)):
-        (r, solve), (want, same) = (system.linearise(1.0, *at, 0, *c) for system in (fast, slow))
+        (r, solve), (want, same) = (system.linearise(1.0, *at, 0, c) for system in (fast, slow))
         np.testing.assert_allclose(r, want, rtol=0.0, atol=1e-11 * np.abs(want).max())
         b = np.random.default_rng(7).standard_normal(r.size) * c[0]
         np.testing.assert_allclose(solve(b.copy()), same(b), rtol=0.0, atol=1e-7 * np.abs(same(b)).max())

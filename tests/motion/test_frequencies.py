@@ -17,7 +17,7 @@ def frequencies(system: LineElements) -> np.ndarray:
     zero = np.zeros(n)
 
     def inverse(*c: float) -> np.ndarray:
-        _, solve = system.linearise(0.0, x.q, zero, zero, 0, *c)
+        _, solve = system.linearise(0.0, x.q, zero, zero, 0, c)
         both = np.array([solve(e) for e in np.eye(n)])
         assert np.abs(both - both.T).max() < 1e-7 * np.abs(both).max(), "not from a Lagrangian"
         return 0.5 * (both + both.T)

@@ -32,12 +32,12 @@ def test_tangent_is_the_derivative_of_the_balance(degree, compiled):
         moved = [
             system.residual(1.0, *(z + e * c_i * y for z, c_i in zip(at, c, strict=True)), 0) for e in (step, -step)
         ]
-        _, solve = system.linearise(1.0, *at, 0, *c)
+        _, solve = system.linearise(1.0, *at, 0, c)
         want = (moved[0] - moved[1]) / (2.0 * step)
         np.testing.assert_allclose(solve(want), y, atol=1e-5)
         assert np.abs(solve(1.01 * want) - y).max() > 1e-3
         complex_c = tuple(1j * z for z in c)
-        _, solve = system.linearise(1.0, *at, 0, *complex_c)
+        _, solve = system.linearise(1.0, *at, 0, complex_c)
         np.testing.assert_allclose(solve(1j * want), y, atol=1e-5)
 
 
@@ -47,7 +47,7 @@ def test_compiled_loops_are_the_forms():
     systems[1].start(0, None)
     at = [z + size * rng.standard_normal(z.size) for z, size in zip(x[1:4], (0.3, 2.0, 1.0), strict=True)]
     for c in ((0.3, 0.5, 1.0), (0.1j, 0.2 + 0.4j, 1.0)):
-        (r, solve), (want, same) = (system.linearise(1.0, *at, 0, *c) for system in systems)
+        (r, solve), (want, same) = (system.linearise(1.0, *at, 0, c) for system in systems)
         np.testing.assert_allclose(r, want, rtol=0.0, atol=1e-13 * np.abs(want).max())
         b = rng.standard_normal(r.size) * c[0]
         np.testing.assert_allclose(solve(b.copy()), same(b), rtol=0.0, atol=1e-10 * np.abs(same(b)).max())

@@ -83,7 +83,7 @@ def test_newton_doubles_the_digits():
     dt, a, norms = 0.02, x.a, []
     for _ in range(4):
         state = x.t, x.q + dt**2 * a / 4.0, x.v + dt * a / 2.0, a, 0
-        r, solve = system.linearise(*state, dt**2 / 4.0, dt / 2.0, 1.0)
+        r, solve = system.linearise(*state, (dt**2 / 4.0, dt / 2.0, 1.0))
         norms.append(np.linalg.norm(r))
         a = a - solve(r.copy())
     assert norms[2] > 1e5 * system.force_floor

@@ -55,7 +55,8 @@ class Sines(System):
         along = (alpha - N / stretch)[:, None, None] * t[:, :, None] * t[:, None, :]
         return N, N[:, None] * t - T[:, None] * X1, across + along, W
 
-    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+    def linearise(self, t, q, v, a, phase, c):
+        c0, c1, c2 = c
         s_o, ds, dds = self.groups.motion.position_with_rates(t, phase)
         Q, V, A = (x.reshape(-1, 2) for x in (q, v, a))
         f, f1, f2 = (x[0] for x in self.shapes(s_o))
@@ -72,7 +73,7 @@ class Sines(System):
         return R.ravel(), lambda b: np.linalg.solve(K, b)
 
     def residual(self, t, q, v, a, phase):
-        return self.linearise(t, q, v, a, phase, 0.0, 0.0, 1.0)[0]
+        return self.linearise(t, q, v, a, phase, (0.0, 0.0, 1.0))[0]
 
     def start(self, phase, x):
         q, v = np.zeros((2, self.n_dof)) if x is None else (x.q, x.v)

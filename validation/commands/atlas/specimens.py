@@ -17,7 +17,7 @@ from validation.core.methods import METHODS, Method
 def frozen_matrices(system: GalerkinSystem, t: float) -> list[Array]:
     """M, C and K of the cable and mass at rest, frozen at time t."""
     q = np.zeros(system.n_dof)
-    return [system.tangent(t, q, 0, *factors) for factors in ((0, 0, 1.0), (0, 1.0, 0), (1.0, 0, 0))]
+    return [system.tangent(t, q, 0, factors) for factors in ((0, 0, 1.0), (0, 1.0, 0), (1.0, 0, 0))]
 
 
 def frozen_growth_rate(system: GalerkinSystem, t: float) -> float:

@@ -40,7 +40,7 @@ def iteration_cost_over_bare_solve(
             full_iteration = (time.perf_counter() - begin) / work.newton_iterations
 
             def solver_iteration(x: newmark.State = x) -> None:
-                r, solve = system.linearise(x.t, x.q, x.v, x.a, x.phase, *c)
+                r, solve = system.linearise(x.t, x.q, x.v, x.a, x.phase, c)
                 solve(r)
 
             def bare_solve() -> None:

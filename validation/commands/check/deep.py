@@ -97,7 +97,7 @@ def _time_driver_against_scipy_row(scene: Scene, elements: Ladder) -> Agreement 
     zero = np.zeros(system.n_dof)
 
     def rate(t: float, y: Array) -> Array:
-        r, solve = system.linearise(t, y[:n], y[n:], zero, first.phase, 0.0, 0.0, 1.0)
+        r, solve = system.linearise(t, y[:n], y[n:], zero, first.phase, (0.0, 0.0, 1.0))
         return np.concatenate([y[n:], -solve(r)])
 
     start = np.concatenate([first.q, first.v])
