@@ -268,3 +268,32 @@ def test_without_a_check_the_bar_is_what_the_least_model_leaves_out():
 
 def design_number(r, quantity):
     return next(row["value"] for row in r.design if row["quantity"] == quantity)
+
+
+def test_a_limit_within_the_bar_is_named_as_the_reason_with_its_number():
+    strong = ZIPLINE.replace({"cable.breaking_load": 9e4, "limits": {"safety_factor": 4.5}})
+    found = cf.find(strong, {"mass.mass": (40.0, 200.0)}, so_that="limits met", check=False)
+    assert re.fullmatch(
+        r"breaking load over largest tension 4\.\d+ ± 0\.\d+, at least 4\.5 \(the scene\): too close to tell",
+        found.changes[0].fails,
+    )
+    never = cf.find(strong, {"mass.mass": (190.0, 200.0)}, so_that="limits met", check=False)
+    assert never.sentence.count("(breaking load over largest tension") == 2
+
+
+@pytest.mark.slow
+def test_limits_are_met_by_the_full_model_where_its_bars_say_so():
+    strong = ZIPLINE.replace({"cable.breaking_load": 9e4, "limits": {"safety_factor": 4.5}})
+    found = cf.find(strong, {"mass.mass": (40.0, 41.0)}, so_that="limits met", model="full", check=False)
+    assert "limits met holds everywhere" in found.sentence
+
+
+def test_the_speed_at_a_brake_or_the_end_is_the_one_of_the_limit():
+    headwinds = {"drive.wind": (-1.0, 0.0)}
+    limited = ZIPLINE.replace({"mass.mass": 40.0, "limits": {"arrival_speed": 30.0}})
+    both = [cf.find(limited, headwinds, so_that=x, check=False) for x in ("brake_or_arrival.speed <= 30 m/s",
+                                                                          "limits met")]  # fmt: skip
+    assert all("holds everywhere" in found.sentence for found in both)
+    end = cf.find(limited, headwinds, so_that="arrival.speed <= 30 m/s", check=False)
+    assert "holds nowhere" in end.sentence
+    assert end.sentence.count("there is no arrival.speed: stops in the brake") == 2

@@ -13,6 +13,7 @@ from cablefem.scene import Scene
 from cablefem.scene.limits import DEMANDS, TEXTS, Limits
 from cablefem.scene.line import Line
 from cablefem.scene.surroundings import GROUND
+from validation.core.quantities import text_with_bar
 
 MET = "met"
 NOT_MET = "not met"
@@ -68,6 +69,18 @@ def _limit_verdict(value: ValueWithBar, limit: float, side: str) -> str:
     if abs(room) < value.bar or math.isinf(value.bar):
         return TOO_CLOSE
     return MET if room >= 0.0 else NOT_MET
+
+
+def first_brake_or_arrival(events: Sequence[Row]) -> Row | None:
+    """The event at which a rider comes to a brake, else to the end; None: to neither."""
+    return next((x for x in events if x["event"] in ("brake", "arrival")), None)
+
+
+def limit_text(row: Row) -> str:
+    """A limit with its value, bar and verdict, as "top speed 5.1 ± 0.1, at most 4 m/s (the scene): not met"."""
+    value = "" if row["value"] is None else f" {text_with_bar(row['value'], row['bar'])}"
+    limit = f"{row['side']} {row['limit']:.5g} {row['unit']}".rstrip()
+    return f"{row['demand']}{value}, {limit} ({row['source']}): {row['verdict']}"
 
 
 def worst_judged_row(rows: Sequence[Row]) -> Row | None:
@@ -188,7 +201,7 @@ class _DemandedValues:
 
     def speed_at_brake_or_arrival(self) -> ValueWithBar | None:
         """Speed at the first of these events."""
-        event = next((x for x in self.events if x["event"] in ("brake", "arrival")), None)
+        event = first_brake_or_arrival(self.events)
         if event is None:
             return None
         bar = event.get("bar_speed")

@@ -29,7 +29,8 @@ def command(
 ) -> int:
     """Find the largest or smallest value of one key for which a condition holds.
 
-    Names are those of summary.json; of events, as arrival.speed. Writes DIR/: find.json, with --for find.csv.
+    Names are those of summary.json; of events, as arrival.speed at the end of the rope. brake_or_arrival.speed is
+    that at a brake, else at the end, as the limit arrival_speed has it. Writes DIR/: find.json, with --for find.csv.
 
     A few runs bracket each change, bisection on the least model narrows it, and both solvers run at the answer: what
     they print is as sure as the number that decides.

@@ -8,7 +8,7 @@ from typing import Any
 
 from cablefem.scene.errors import did_you_mean
 from validation.core.answers import Outcome
-from validation.core.limits import MET, worst_limit_columns
+from validation.core.limits import MET, first_brake_or_arrival, limit_text, worst_judged_row, worst_limit_columns
 from validation.core.scene_data import si_factor
 from validation.core.store import Refused
 from validation.page.answer import EVENTS
@@ -18,6 +18,8 @@ _EXTREME = re.compile(r"_(min|max)(?=\.|$)")
 FORMS = "NAME <= NUMBER UNIT, NAME >= NUMBER UNIT, outcome = KIND, limits met"
 UNITS = {"t": "s", "s_o": "m", "speed": "m/s"}  # of an event
 LIMITS = "limits met"
+BRAKE_OR_ARRIVAL = "brake_or_arrival"  # the first of both events, as the limit arrival_speed and tables of runs have it
+EVENT_NAMES = (*EVENTS, BRAKE_OR_ARRIVAL)
 Row = dict[str, Any]
 
 
@@ -39,6 +41,7 @@ class Answer:
     sentence: str
     numbers: dict[str, Number]
     limits: str = ""
+    worst_limit: str = ""  # with its value; empty: none could be judged
 
     @classmethod
     def from_rows(
@@ -46,6 +49,7 @@ class Answer:
     ) -> "Answer":
         """Names as in summary.json with `.` for `:`, or the kind alone for the extreme of all; of events the first.
 
+        `brake_or_arrival` is the first of these two events.
         Where there is one extreme, `_min` or `_max` may be left out.
         """
         numbers: dict[str, Number] = {}
@@ -60,11 +64,17 @@ class Answer:
         for name, brief in zip(list(numbers), short, strict=True):
             if short.count(brief) == 1:
                 numbers[brief] = numbers[name]
-        for event in reversed(events):
+        named = {event["event"]: event for event in reversed(events)}
+        first = first_brake_or_arrival(events)
+        if first is not None:
+            named[BRAKE_OR_ARRIVAL] = first
+        for event_name, event in named.items():
             for name, unit in UNITS.items():
                 bar = event.get(f"bar_{name}")
-                numbers[f"{event['event']}.{name}"] = Number(event.get(name, math.nan), bar, unit)
-        return cls(outcome.kind, outcome.sentence, numbers, worst_limit_columns(limits).get("limits_met", ""))
+                numbers[f"{event_name}.{name}"] = Number(event.get(name, math.nan), bar, unit)
+        worst = worst_judged_row(limits)
+        verdict = worst_limit_columns(limits).get("limits_met", "")
+        return cls(outcome.kind, outcome.sentence, numbers, verdict, "" if worst is None else limit_text(worst))
 
 
 def _name_with_dots(name: str) -> str:
@@ -85,7 +95,12 @@ class Clause:
     @property
     def needs_events_only(self) -> bool:
         """Whether events or the outcome decide it, without design numbers."""
-        return self.name == "outcome" or self.name.partition(".")[0] in EVENTS
+        return self.name == "outcome" or self.name.partition(".")[0] in EVENT_NAMES
+
+    @property
+    def needs_bars(self) -> bool:
+        """Whether error bars decide it: a limit within the bar of a number is too close to tell."""
+        return self.text == LIMITS
 
     def number_in(self, answer: Answer) -> Number | None:
         """The number that the clause names; None: the answer has none of this name."""
@@ -145,7 +160,7 @@ def refuse_uncheckable_clauses(clauses: Sequence[Clause], answers: Sequence[Answ
 def _refuse_unknown_name_or_unit(clause: Clause, answers: Sequence[Answer]) -> None:
     """Refused for an unknown name, and a unit that does not fit."""
     names = {name for answer in answers for name in answer.numbers}
-    known = {name.partition(".")[0] for name in names} | {f"{event}.{name}" for event in EVENTS for name in UNITS}
+    known = {name.partition(".")[0] for name in names} | {f"{event}.{name}" for event in EVENT_NAMES for name in UNITS}
     if names and clause.name not in names | known:
         raise Refused(f"--so-that {clause.text}: unknown name.{did_you_mean(clause.name, sorted(known))}")
     for answer in answers:

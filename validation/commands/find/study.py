@@ -18,7 +18,7 @@ from cablefem.scene.errors import short_text
 from cablefem.scene.keys import list_keys as keys_of
 from cablefem.scene.line import Line
 from cablefem.scene.short import load_line_or_none
-from validation.commands.find.condition import Answer, Clause, parse_condition, refuse_uncheckable_clauses
+from validation.commands.find.condition import LIMITS, Answer, Clause, parse_condition, refuse_uncheckable_clauses
 from validation.core import store
 from validation.core.quantities import text_with_bar
 from validation.core.sidebyside import Progress, no_progress
@@ -89,7 +89,7 @@ class FindResult:
             return f"{self.key}: interrupted; {self.condition} changes {' and '.join(between) or 'nowhere so far'}"
         if not self.changes:
             always = "everywhere" if self.tried_rows[0]["holds"] else "nowhere"
-            ends = "; ".join(f"at {x['value']:g}: {x['outcome']}" for x in (self.tried_rows[0], self.tried_rows[-1]))
+            ends = "; ".join(f"at {x['value']:g}: {_why_text(x)}" for x in (self.tried_rows[0], self.tried_rows[-1]))
             return f"{self.key}: {self.condition} holds {always} in the range; {ends}"
         many = f" (it changes {len(self.changes)} times)" if len(self.changes) > 1 else ""
         return f"{self.key}{many}: " + "; and ".join(change.sentence for change in self.changes)
@@ -173,6 +173,15 @@ def find(
     return FindResult(key, so_that, changes, search.tried_rows())
 
 
+def _why_text(tried: Mapping[str, Any]) -> str:
+    """What happens at a value that was tried, and what does not hold there."""
+    if not tried["fails"] or tried["fails"] == tried["outcome"]:
+        return str(tried["outcome"])
+    if tried["outcome"] in tried["fails"]:
+        return str(tried["fails"])
+    return f"{tried['outcome']} ({tried['fails']})"
+
+
 def _one_key_and_range(keys: Mapping[str, Sequence[float]]) -> tuple[str, float, float]:
     try:
         ((key, (low, high)),) = keys.items()
@@ -216,8 +225,9 @@ class _Search:
         if value not in self.answers_by_value:
             try:
                 only_events = all(clause.needs_events_only for clause in self.clauses)
+                bars = any(clause.needs_bars for clause in self.clauses)
                 self.answers_by_value[value] = [
-                    answer_by_model(scene, self.model, only_events) for scene in self.scenes_at(value)
+                    answer_by_model(scene, self.model, only_events, bars) for scene in self.scenes_at(value)
                 ]
             except (SceneError, Refused, ArithmeticError) as error:
                 self.answers_by_value[value] = [replace(NONE, sentence=str(error).splitlines()[0])]
@@ -232,7 +242,9 @@ class _Search:
         for value, answers in sorted(self.answers_by_value.items()):
             sentence = "; ".join(dict.fromkeys(answer.sentence for answer in answers))
             read = [[clause.value_in(answer) for clause in self.clauses] for answer in answers]
-            rows.append({"value": value, "holds": self.condition_holds_at(value), "outcome": sentence, "read": read})
+            holds = self.condition_holds_at(value)
+            fails = "" if holds else self._failure_text(value)
+            rows.append({"value": value, "holds": holds, "outcome": sentence, "fails": fails, "read": read})
         return rows
 
     def refuse_uncheckable_condition(self, ends: Sequence[float]) -> None:
@@ -281,8 +293,14 @@ class _Search:
         answers = self.answers_at(value)
         answer = answers[min(i // count, len(answers) - 1)]
         clause = self.clauses[i % count]
-        if not clause.sign or clause.number_in(answer) is None:
+        if answer.kind == NONE.kind:
             return answer.sentence
+        if clause.text == LIMITS:
+            return answer.worst_limit or f"no limit can be judged: {answer.sentence}"
+        if not clause.sign:
+            return answer.sentence
+        if clause.number_in(answer) is None:
+            return f"there is no {clause.name}: {answer.sentence}"
         return f"{clause.name} {'<' if clause.sign > 0.0 else '>'} {clause.right} {clause.unit}".rstrip()
 
     def with_bar_and_verdict(self, threshold: Threshold, by_check: bool) -> Threshold:

@@ -38,7 +38,7 @@ LIMITS = ("limits_met", "limits_worst")
 Row = dict[str, Any]
 HEADS = {
     "outcome": "outcome",
-    "arrival_km_h": "at the brake or end [km/h]",
+    "brake_or_arrival_km_h": "at the brake or end [km/h]",
     "rests_at_m": "rests at [m]",
     "farthest_m": "farthest point [m]",
     "clearance_rope_min": "clearance, rope [m]",
@@ -89,9 +89,8 @@ def answer_table_row(scene: Scene, r: Response, verdict: str | None = None) -> R
     end = outcome_of_run(scene, r)
     out: Row = {"outcome_kind": end.kind, "outcome": end.sentence, "duration_s": round(float(r.t[-1]), 3)}
     if r.drive == "free":
-        events = {e["event"]: e for e in reversed(r.events)}  # the first of each kind
-        arrival = events.get("brake") or events.get("arrival")
-        out["arrival_km_h"] = None if arrival is None else 3.6 * arrival["speed"]
+        arrival = limits.first_brake_or_arrival(r.events)
+        out["brake_or_arrival_km_h"] = None if arrival is None else 3.6 * arrival["speed"]
         rests = end.kind in ("stuck", "stopped_by_brake")
         stops = [e["s_o"] for e in r.events if e["event"] == "stop"]
         out["rests_at_m"] = stops[-1] if rests else None
@@ -184,7 +183,7 @@ def _print_grid_table(rows: list[Row], columns: Columns) -> None:
 def run_table_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table of runs: varied values, outcomes, common numbers, verdicts."""
     out = {key: Column(key) for key in keys}
-    for name in ("outcome", "arrival_km_h", *POSITIONS, *NUMBERS, "crosswind_load", *LIMITS, "verdict"):
+    for name in ("outcome", "brake_or_arrival_km_h", *POSITIONS, *NUMBERS, "crosswind_load", *LIMITS, "verdict"):
         values = [x[name] for x in rows if x.get(name) is not None]
         if not values:
             continue
