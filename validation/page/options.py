@@ -31,8 +31,11 @@ def number_option(name: str, help: str) -> Any:
     return typer.Option(name, parser=parse_real, metavar="X", help=help)
 
 
+OUT = "Folder for the results; they replace those of the same command for another scene."
+
+
 def out_option(folder: str) -> Any:
-    return typer.Option("--out", metavar="DIR", help=f"Folder for the results. Default: {store.ROOT / folder}.")
+    return typer.Option("--out", metavar="DIR", help=f"{OUT} Default: {store.ROOT / folder}.")
 
 
 Quick = Annotated[bool, typer.Option("--quick", help="A small part of it, coarsely, within a minute.")]
