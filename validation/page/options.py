@@ -31,18 +31,15 @@ def number_option(name: str, help: str) -> Any:
     return typer.Option(name, parser=parse_real, metavar="X", help=help)
 
 
-OUT = "Folder for the results; they replace those of the same command for another scene."
-
-
-def out_option(folder: str) -> Any:
-    return typer.Option("--out", metavar="DIR", help=f"{OUT} Default: {store.ROOT / folder}.")
+def out_option(folder: str, more: str = "") -> Any:
+    return typer.Option("--out", metavar="DIR", help=f"Folder for the results{more}. Default: {store.ROOT / folder}.")
 
 
 Quick = Annotated[bool, typer.Option("--quick", help="A small part of it, coarsely, within a minute.")]
 
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene (cablefem scenes) or a TOML file.")]
-Out = Annotated[Path | None, out_option("SCENE")]
+Out = Annotated[Path | None, out_option("SCENE", "; they replace those of the same command for another scene")]
 
 
 def load_scene_or_refuse(name: str, earlier_faults: Sequence[str] = (), *, needs_mass: bool = False) -> Scene:
