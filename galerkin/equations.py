@@ -203,12 +203,12 @@ class GalerkinSystem(System):
         return self.basis.basis
 
     def solve_step(
-        self, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton
+        self, t: float, phase: int, start: Array, end_out: Array, rule: Array, newton: Newton
     ) -> newmark.StepResult:
         if not (self.has_compiled_steps and self.kink):
-            return super().solve_step(t, phase, start, end, rule, newton)
+            return super().solve_step(t, phase, start, end_out, rule, newton)
         _, ends, results = self._compiled_steps_without_events(np.array([t]), phase, start, rule[None], newton)
-        end[:] = ends[0]
+        end_out[:] = ends[0]
         self._store_min_tension(results[0])
         return newmark.StepResult(*results[0, :4].tolist())
 

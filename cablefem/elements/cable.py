@@ -135,9 +135,9 @@ class CableElements(System):
         factorise_in_place(*tangent)
         return r, partial(solve_in_place, *tangent)
 
-    def solve_step(self, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton) -> StepResult:
+    def solve_step(self, t: float, phase: int, start: Array, end_out: Array, rule: Array, newton: Newton) -> StepResult:
         ends, results, _ = self._take_newmark_steps(np.array([t]), phase, start, rule[None], newton)
-        end[:] = ends[0]
+        end_out[:] = ends[0]
         return next(self._yield_results_noting_tension(results))
 
     def collocate_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:

@@ -68,14 +68,14 @@ class System(Protocol):
         return self.linearise(t, q, v, a, phase, c)[1]
 
     # --- steps -----------------------------------------------------------------------------------------
-    def solve_step(self, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton) -> StepResult:
-        """Take one step of Newmark's family.
+    def solve_step(self, t: float, phase: int, start: Array, end_out: Array, rule: Array, newton: Newton) -> StepResult:
+        """Take one step of Newmark's family into `end_out`.
 
-        start, end : (3, n_dof) rows q, v, a; `end` is set.
-        rule : (3, 5) predictor (3, 3), corrector c, balance w: end = predictor start - c da with
-            |r(t, w end + (1 - w) start)| <= newton.bound.
+        start, end_out : (3, n_dof) rows q, v, a; `end_out` is overwritten with the end of the step.
+        rule : (3, 5) predictor (3, 3), corrector c, balance w: end_out = predictor start - c da with
+            |r(t, w end_out + (1 - w) start)| <= newton.bound.
         """
-        return newmark_step(self, t, phase, start, end, rule, newton)
+        return newmark_step(self, t, phase, start, end_out, rule, newton)
 
     def solve_steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> ManySteps:
         """Take many steps, up to one that fails or may hold an event.
@@ -119,25 +119,25 @@ class System(Protocol):
 
 
 def newmark_step(
-    system: System, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton
+    system: System, t: float, phase: int, start: Array, end_out: Array, rule: Array, newton: Newton
 ) -> StepResult:
     """Take one step of Newmark's family by `residual` and `linearise`, see `System.solve_step`."""
     c = rule[:, 3:4]
     w = rule[:, 4:5]
     c0, c1, c2 = (w * c)[:, 0].tolist()
     from_start = (1.0 - w) * start
-    end[:] = rule[:, :3] @ start
+    end_out[:] = rule[:, :3] @ start
 
     def residual() -> Array:
-        q, v, a = w * end + from_start
+        q, v, a = w * end_out + from_start
         return system.residual(t, q, v, a, phase)
 
     def linearise() -> tuple[Array, Solve]:
-        q, v, a = w * end + from_start
+        q, v, a = w * end_out + from_start
         return system.linearise(t, q, v, a, phase, (c0, c1, c2))
 
     def update(da: Array) -> None:
-        np.subtract(end, c * da, out=end)
+        np.subtract(end_out, c * da, out=end_out)
 
     with np.errstate(over="ignore", invalid="ignore"):
         return find_root(residual, linearise, update, newton)
