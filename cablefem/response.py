@@ -293,7 +293,7 @@ class Response(MassPath):
     @property
     def cars(self) -> tuple[CarMotion, ...]:
         """The car, as on a line of several contacts."""
-        return (views.car_motion(self),)
+        return (views.single_car_history(self),)
 
     @property
     def contacts(self) -> tuple[ContactMotion, ...]:

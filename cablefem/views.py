@@ -27,7 +27,7 @@ def sample_fields(r: Response, t: Any, s: Any) -> dict[str, Array]:
     beside = 1e-9 * r.length  # a station so near the mass is under it
     for k, instant in enumerate(t.tolist()):
         s_o, u, v, behind, ahead = (np.interp(instant, r.t, z) for z in (r.s_o, r.u, r.v, *_tensions_at_mass(r)))
-        w, T = _interpolate_frames(r, instant, s_o)
+        w, T = _displacements_and_tension_at_time(r, instant, s_o)
         # a station under the mass has no side; just beyond it T is that ahead
         i, j = np.searchsorted(r.fields.s, [s_o - beside, s_o + beside]).tolist()
         places = np.concatenate([r.fields.s[:i], [s_o, np.nextafter(s_o, np.inf)], r.fields.s[j:]])
@@ -50,7 +50,7 @@ def _tensions_at_mass(r: Response) -> tuple[Array, Array]:
     return np.where(missing[0], r.T_ahead, r.T_behind), np.where(missing[1], r.T_behind, r.T_ahead)
 
 
-def _interpolate_frames(r: Response, t: float, s_o: float) -> tuple[Array, Array]:
+def _displacements_and_tension_at_time(r: Response, t: float, s_o: float) -> tuple[Array, Array]:
     """(u, v) (2, m) and T (m,) at the stations; T is that of frames with the same side there."""
     f = r.fields
     if f.t.size < 2:
@@ -65,7 +65,7 @@ def _interpolate_frames(r: Response, t: float, s_o: float) -> tuple[Array, Array
     return np.stack(w), (1.0 - weight) * f.T[i] + weight * f.T[i + 1]
 
 
-def car_motion(r: Response) -> CarMotion:
+def single_car_history(r: Response) -> CarMotion:
     """The car of a run of one span; its speed along the rope is that of its point over the stretch."""
     stretch = 0.5 * (np.linalg.norm(r.slope_behind, axis=1) + np.linalg.norm(r.slope_ahead, axis=1))
     tangent = r.slope_behind + r.slope_ahead

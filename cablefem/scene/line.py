@@ -360,29 +360,34 @@ class Line(Described):
         """Saddle on whose shoe a car at x [m] rests."""
         return next((c for c in self.contact if c.shoe is not None and abs(x - c.at[0]) <= c.shoe), None)
 
-    def case_at_position(
-        self, i: int | None, length: float | None, car_on_rope: tuple[str, float] | None = None
-    ) -> Case:
-        """Position i of the cars; None: empty, at the reference temperature, without ice.
-
-        car_on_rope : name and x [m] of a car that hangs on the rope there, even within a shoe.
-        """
-        stations = [Station(c.name, c.kind, *c.at, force=c.tension or 0.0, stiffness=c.stiffness) for c in self.contact]
+    def reference_case(self, length: float | None) -> Case:
+        """The empty rope at the reference temperature, without ice; with the tension that is given for it."""
+        stations = self._contact_stations()
         rope = self.cable
-        if i is None:
-            prescribed = None
-            if rope.tension is not None:
-                prescribed = [p.name for p in stations].index(rope.tension.at), rope.tension.value
-            weight = rope.mass_per_length * self.gravity
-            return Case(tuple(stations), weight, rope.EA, length=length, prescribed_tension=prescribed)
+        prescribed = None
+        if rope.tension is not None:
+            prescribed = [p.name for p in stations].index(rope.tension.at), rope.tension.value
+        weight = rope.mass_per_length * self.gravity
+        return Case(tuple(stations), weight, rope.EA, length=length, prescribed_tension=prescribed)
+
+    def case_at_position(self, i: int, length: float | None, car_on_rope_at_x: tuple[str, float] | None = None) -> Case:
+        """The rope with the cars at their position i.
+
+        car_on_rope_at_x : name and x [m] of a car that hangs on the rope there, even within a shoe.
+        """
+        stations = self._contact_stations()
+        rope = self.cable
         positions = {car.name: self.position_of(car, i) for car in self._cars_off_shoes(i)}
-        positions |= dict([car_on_rope] if car_on_rope else [])
+        positions |= dict([car_on_rope_at_x] if car_on_rope_at_x else [])
         for car in self.car:
             if car.name in positions:
                 stations.append(self._car_station(car, positions[car.name]))
         stations.sort(key=lambda p: p.x)
         weight = (rope.mass_per_length + rope.ice_mass_per_length) * self.gravity
         return Case(tuple(stations), weight, rope.EA, 1.0 + rope.thermal_strain, length)
+
+    def _contact_stations(self) -> list[Station]:
+        return [Station(c.name, c.kind, *c.at, force=c.tension or 0.0, stiffness=c.stiffness) for c in self.contact]
 
     def _car_station(self, car: Car, x: float) -> Station:
         kind = "hauled" if car.hauled else "grips"
@@ -401,7 +406,7 @@ class Line(Described):
 
     def solve_empty_line(self, solve: Solver) -> LineState:
         """The line without cars, ice and heat, s from its left end; SceneError where it has no rest."""
-        case = self.case_at_position(None, self.cable.length)
+        case = self.reference_case(self.cable.length)
         result = solve([case])[0]
         if isinstance(result, NoLineAtRest):
             raise SceneError([f"the empty line: {result}{needed_counterweight_text([case], solve)}"])

@@ -53,7 +53,7 @@ def _taut_guess(case: Case) -> TautString:
         return _taut_guess_for_length(case, float(case.length or 0.0))
     k, T = prescribed
     try:
-        return _string_under_loads(case, T, k)
+        return _string_with_tension_at(case, T, k)
     except NoLineAtRest:
         raise NoLineAtRest(f"a tension of {T:.6g} N at {case.stations[k].name} does not carry it") from None
 
@@ -62,14 +62,14 @@ def _taut_guess_for_length(case: Case, length: float) -> TautString:
     def excess(log_T: float) -> float:
         """Length of a catenary with this tension beyond the prescribed one."""
         try:
-            return float(_string_under_loads(case, math.exp(log_T), None).lengths.sum()) - length
+            return float(_string_with_tension_at(case, math.exp(log_T), None).lengths.sum()) - length
         except NoLineAtRest:  # too slack
             return math.inf
 
     smallest = math.log(1e-6 * case.weight * length)
     try:
         log_T = bisect_zero(excess, smallest, math.log(case.EA), WITHIN)
-        return _string_under_loads(case, math.exp(log_T), None)
+        return _string_with_tension_at(case, math.exp(log_T), None)
     except ValueError:
         supports = np.array([(p.x, p.y) for p in case.stations if not p.is_car])
         reach = float(np.hypot(*np.diff(supports, axis=0).T).sum())
@@ -82,8 +82,8 @@ def _taut_guess_for_length(case: Case, length: float) -> TautString:
         raise NoLineAtRest(f"{length:.6g} m of rope hang too slack") from None
 
 
-def _string_under_loads(case: Case, tension: float, station: int | None) -> TautString:
-    """The string with a tension [N] at that station, or at the mean depth; NoLineAtRest where it goes slack."""
+def _string_with_tension_at(case: Case, tension: float, at_station: int | None) -> TautString:
+    """The string with a tension [N] at a station; None: at the mean depth. NoLineAtRest where it goes slack."""
     x = np.array([p.x for p in case.stations])
     y = np.array([p.y for p in case.stations])
     cars = np.array([p.is_car for p in case.stations])
@@ -100,7 +100,7 @@ def _string_under_loads(case: Case, tension: float, station: int | None) -> Taut
         b = load + 0.5 * _sum_at_stations(w * dx)
         depth = np.where(cars, 0.0, chord)
         depth[cars] = np.linalg.solve(K[np.ix_(cars, cars)], (b - K @ depth)[cars])
-        level = depth.mean() if station is None else depth[station]
+        level = depth.mean() if at_station is None else depth[at_station]
         middle = 0.5 * (depth[:-1] + depth[1:])
         N = tension + case.weight * (level - middle - w * dx**2 / (12.0 * H))
         if N.min() <= 0.0:
