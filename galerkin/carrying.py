@@ -41,7 +41,7 @@ def _snapshot_of_line(system: LineSines, Z: Array, points_off_rope: dict[str, Ar
     points = Z[:, np.stack([layout.x, layout.y], axis=1)]  # with rates (3, contacts, 2)
 
     def rope(s: float) -> Array:
-        return rope_point_slope_velocity(layout, Z, np.array([s]))[:, 0]
+        return positions_slopes_and_velocities_at(layout, Z, np.array([s]))[:, 0]
 
     return line_snapshot(system.line, points, Z[:, layout.s], points_off_rope, rope)
 
@@ -86,7 +86,7 @@ def _keep_moment_about_hanger(old: LineSines, name: str, velocity: Array, new: L
     Z[1, layout.angle[k]] -= body.m * body.h * along / body.about_hanger
 
 
-def rope_point_slope_velocity(layout: Layout, Z: Array, s: Array) -> Array:
+def positions_slopes_and_velocities_at(layout: Layout, Z: Array, s: Array) -> Array:
     """r, r' and the velocity at fixed s (3, m, 2) at the points s (m,)."""
     at, ds = Z[:2, layout.s]
     i = np.clip(np.searchsorted(at, s, side="right") - 1, 0, layout.segments - 1)
@@ -104,7 +104,7 @@ def _fit_segment(old: Layout, before: Array, layout: Layout, Z: Array, i: int) -
     tables = layout.tables
     columns = layout.columns[i, :-2].reshape(-1, 2)
     (a, b), (da, db) = Z[:2, layout.s[[i, i + 1]]]
-    _, slope, velocity = rope_point_slope_velocity(old, before, a + tables.points * (b - a))
+    _, slope, velocity = positions_slopes_and_velocities_at(old, before, a + tables.points * (b - a))
     moved = da + tables.points * (db - da)
     part = layout.functions_of[i]
     inner = slice(part.start // 2, layout.functions)

@@ -25,8 +25,8 @@ STEP = 1e-30  # of derivatives by a complex step
 INPUTS = 12  # of `forces_on_cars`: r' behind (2) and ahead (2), p. (2), p.. (2), F/M, phi, phi., phi..
 
 
-class CarData(NamedTuple):
-    """Data of the cars, (n,) each."""
+class CarLoadsAndMasses(NamedTuple):
+    """Masses, drag, friction, thrust, brakes, hold and cabins of the cars, (n,) each."""
 
     mass: Array
     drag: Array  # k [kg/m]
@@ -61,7 +61,7 @@ class ForcesOnCars(NamedTuple):
 
 
 class SwingConstants(NamedTuple):
-    """Of the cabin of a car, see `CarData`; zero without."""
+    """Of the cabin of a car, see `CarLoadsAndMasses`; zero without."""
 
     lever: float
     arm: float
@@ -84,7 +84,7 @@ def vector_length(vectors: Array) -> Array:
     return np.sqrt(vectors[..., 0] ** 2 + vectors[..., 1] ** 2)
 
 
-def forces_on_cars(cars: CarData, inputs: Array) -> ForcesOnCars:
+def forces_on_cars(cars: CarLoadsAndMasses, inputs: Array) -> ForcesOnCars:
     """Forces at inputs (..., n, INPUTS), which may be complex."""
     behind, ahead, velocity, acceleration = (inputs[..., i : i + 2] for i in (0, 2, 4, 6))
     angle, rate, turning = (inputs[..., i] for i in (9, 10, 11))
@@ -110,7 +110,7 @@ def forces_on_cars(cars: CarData, inputs: Array) -> ForcesOnCars:
     return ForcesOnCars(contact, Q, tau, stretch, haul, drag, friction, normal, swing, dot(drag, cabin_velocity))
 
 
-def car_force_jacobian(cars: CarData, inputs: Array) -> Array:
+def car_force_jacobian(cars: CarLoadsAndMasses, inputs: Array) -> Array:
     """Derivatives (n, 4, INPUTS) of C, - Q and the row of phi by the inputs (n, INPUTS)."""
     shifted = inputs + 1j * STEP * np.eye(INPUTS)[:, None, :]  # (INPUTS, n, INPUTS)
     at = forces_on_cars(cars, shifted)

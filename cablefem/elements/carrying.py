@@ -46,7 +46,7 @@ def _line_snapshot_of(system: LineElements, z: Coordinates, over: dict[str, Arra
     points = np.array(z)[:, 2 * system.node[:, None] + np.arange(2)]
 
     def rope_at(s: float) -> Array:
-        return rope_point_slope_velocity(system, z, np.array([s]))[:, 0]
+        return positions_slopes_and_velocities_at(system, z, np.array([s]))[:, 0]
 
     return line_snapshot(system.line, points, np.array(z)[:, system.s], over, rope_at)
 
@@ -80,7 +80,7 @@ def _fit_segment(old: LineElements, before: Coordinates, new: LineElements, z: C
     s, ds = z.q[new.s[k : k + 2]], z.v[new.s[k : k + 2]]
     h = s[1] - s[0]
     r, v = (values[: 2 * new.n].reshape(-1, 2)[new.nodes[k]] for values in (z.q, z.v))
-    _, slope, w = rope_point_slope_velocity(old, before, segments.psi @ s)
+    _, slope, w = positions_slopes_and_velocities_at(old, before, segments.psi @ s)
     _fit_inner_unknowns(segments, segments.slopes, r, slope * h)
     _fit_inner_unknowns(segments, segments.values, v, w + (segments.psi @ ds)[:, None] * (segments.slopes @ r) / h)
     for values, fitted in ((z.q, r), (z.v, v)):
@@ -94,7 +94,7 @@ def _fit_inner_unknowns(segments: Segments, table: Array, x: Array, target: Arra
     x[1:-1] = np.linalg.lstsq(root * table[:, 1:-1], root * rest, rcond=None)[0]
 
 
-def rope_point_slope_velocity(system: LineElements, z: Coordinates, s: Array) -> Array:
+def positions_slopes_and_velocities_at(system: LineElements, z: Coordinates, s: Array) -> Array:
     """r, r' and the velocity at fixed s (3, m, 2) at the points s (m,)."""
     segments, at, ds = system.segments, z.q[system.s], z.v[system.s]
     k = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(at) - 2)

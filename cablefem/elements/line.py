@@ -40,7 +40,7 @@ def weak_force(eta, w):
 
 
 @skfem.LinearForm
-def weak_force_derivative_by_h(eta, w):
+def weak_force_derivative_by_piece_length(eta, w):
     """d/dh of `weak_force`."""
     return -w.EA * w.lam / w.h * (w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]) - w.q * eta[1]
 
@@ -56,14 +56,14 @@ def weak_force_derivative_by_r(phi, eta, w):
 
 
 @skfem.Functional
-def energy_derivative_by_h(w):
+def energy_derivative_by_piece_length(w):
     """Equation of h."""
     return w.a * (w.W - w.N * w.lam) - w.q * w.y
 
 
 @skfem.Functional
-def energy_second_derivative_by_h(w):
-    """d/dh of `energy_derivative_by_h`."""
+def energy_second_derivative_by_piece_length(w):
+    """d/dh of `energy_derivative_by_piece_length`."""
     return w.a * w.EA * w.lam**2 / w.h
 
 
@@ -236,16 +236,16 @@ class _LineBatch:
         broadcast = {name: np.broadcast_to(x, lam.shape) for name, x in values.items()}
         return {**broadcast, "lam": lam, "N": N, "W": W, "t": slope / length, "y": u[1]}
 
-    def energy_derivatives(self, fields: dict[str, np.ndarray]) -> np.ndarray:
+    def energy_derivatives_by_nodes_and_lengths(self, fields: dict[str, np.ndarray]) -> np.ndarray:
         """z = (f, g) by the nodes and by h; fields : see `form_data`."""
-        g = energy_derivative_by_h.elemental(self.basis, **fields).reshape(self.pieces, -1).sum(axis=1)
+        g = energy_derivative_by_piece_length.elemental(self.basis, **fields).reshape(self.pieces, -1).sum(axis=1)
         return np.concatenate([weak_force.assemble(self.basis, **fields), g])
 
     def residual_and_condition_slopes(
         self, X: np.ndarray, fields: dict[str, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
         """The residual (size,), and the derivatives of `_condition_values_and_derivatives`."""
-        z = self.energy_derivatives(fields)
+        z = self.energy_derivatives_by_nodes_and_lengths(fields)
         value, slope = self._condition_values_and_derivatives(z)
         R = self.B @ z + self.spring * X + self.load
         R[self.rows] = value
@@ -253,11 +253,12 @@ class _LineBatch:
 
     def tangent(self, fields: dict[str, np.ndarray], condition_slopes: np.ndarray) -> Any:
         """Derivatives of the residual, sparse (size, size)."""
-        c = weak_force_derivative_by_h.assemble(self.basis, **fields)
+        c = weak_force_derivative_by_piece_length.assemble(self.basis, **fields)
         piece = np.empty(self.basis.N, int)
         piece[self.basis.element_dofs] = np.repeat(np.arange(self.pieces), self.elements)
         C = coo_matrix((c, (np.arange(c.size), piece)), (c.size, self.pieces))
-        D = energy_second_derivative_by_h.elemental(self.basis, **fields).reshape(self.pieces, -1).sum(axis=1)
+        by_length = energy_second_derivative_by_piece_length.elemental(self.basis, **fields)
+        D = by_length.reshape(self.pieces, -1).sum(axis=1)
         K = bmat([[weak_force_derivative_by_r.assemble(self.basis, **fields), C], [C.T, diags(D)]], format="csr")
         real = self.ends >= 0
         rows = np.broadcast_to(self.rows[:, None], real.shape)[real]
@@ -314,7 +315,7 @@ class _LineBatch:
         """State of each case; the forces of the rope are the weak ones at the nodes."""
         fields = self.form_data(self.X, 0.0)
         points = self.prescribed.copy()
-        z = np.append(self.energy_derivatives(fields), np.nan)  # last: no piece
+        z = np.append(self.energy_derivatives_by_nodes_and_lengths(fields), np.nan)  # last: no piece
         points[self.number >= 0] = self.X[self.number[self.number >= 0]]
         behind = z[self.behind[:, :2]]
         ahead = -z[self.ahead[:, :2]]

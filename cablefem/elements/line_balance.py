@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from cablefem.elements.bodies import INPUTS, CarData, car_force_jacobian, forces_on_cars, swing_constants
+from cablefem.elements.bodies import INPUTS, CarLoadsAndMasses, car_force_jacobian, forces_on_cars, swing_constants
 from cablefem.elements.bordered import BandMatrix, DenseMatrix, Matrix
 from cablefem.elements.line_coordinates import Coordinates, LineCoordinates
 from cablefem.elements.segments import Law, Motion
@@ -27,7 +27,7 @@ class RopeAndCars(NamedTuple):
     """What the balance depends on beside the coordinates."""
 
     law: Array  # (3, K, G) of the rope, see `segments.Law`
-    cars: CarData
+    cars: CarLoadsAndMasses
 
 
 class LineBalance(LineCoordinates):
@@ -44,7 +44,7 @@ class LineBalance(LineCoordinates):
         self.band = 2 * degree + 1
         # t, a, rows and loads at the last instant of the last residuals
         self._last: tuple[float, Array, Array, Array] | None = None
-        self._steady: CarData | None = None  # data of cars that do not change
+        self._steady: CarLoadsAndMasses | None = None  # of cars that do not change
         self._instants: tuple[Array, int, Array] | None = None  # t, phase, prescribed ones of the last residuals
         outer = [(k, line.supports[k]) for k in (0, -1)]
         springs = [(k, c) for k, c in outer if c.stiffness is not None]
@@ -53,10 +53,10 @@ class LineBalance(LineCoordinates):
         weights = [car.mass * line.gravity for car in line.cars]
         self.force_scale = min(weights, default=line.weight_per_length * line.supports[-1].point[0])
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
-        self._set_constant_car_data()
+        self._set_initial_car_loads_and_masses()
 
-    def _set_constant_car_data(self) -> None:
-        """Set data of the cars, and what changes of them: signs, brakes and hold."""
+    def _set_initial_car_loads_and_masses(self) -> None:
+        """Set masses, drag, friction and cabins, which stay, and the first signs, brakes and hold."""
         cars = self.line.cars
         self._masses = np.array([c.mass for c in cars])
         # a shoe has no friction
@@ -115,7 +115,7 @@ class LineBalance(LineCoordinates):
 
         x : (..., size) at the time or times t.  rope_and_cars : other than those of t.
         """
-        law, cars = rope_and_cars or RopeAndCars(self.law, self.car_data(t, phase))
+        law, cars = rope_and_cars or RopeAndCars(self.law, self.car_loads_and_masses(t, phase))
         rows = self._rope_rows_noting_loads(x, law, cars)
         self._add_support_rows(rows, x)
         for trolley in self.trolleys:
@@ -129,7 +129,7 @@ class LineBalance(LineCoordinates):
         rows[..., self.force] = rows[..., self.force_rows]
         return rows
 
-    def _rope_rows_noting_loads(self, x: Coordinates, law: Array, cars: CarData) -> Array:
+    def _rope_rows_noting_loads(self, x: Coordinates, law: Array, cars: CarLoadsAndMasses) -> Array:
         """Rows (..., size) of segments and of cars on one contact; sets `loads` of these and the smallest tension."""
         rows = np.zeros(x.q.shape)
         each = rows.reshape(-1, self.size)
@@ -141,7 +141,7 @@ class LineBalance(LineCoordinates):
             self._add_rope_rows_by_numpy(rows, x, Law(*law), cars)
         return rows
 
-    def _add_rope_rows_by_numpy(self, rows: Array, x: Coordinates, law: Law, cars: CarData) -> None:
+    def _add_rope_rows_by_numpy(self, rows: Array, x: Coordinates, law: Law, cars: CarLoadsAndMasses) -> None:
         m = self.segment_motion(x)
         fields = self.segments.fields_at_points(self.segments.values_at_points(m), law)
         nodes, ends = self.segments.node_and_end_rows(fields)
@@ -195,8 +195,8 @@ class LineBalance(LineCoordinates):
             out[self.of_swing, 9:12] = np.stack([z[self.swing] for z in x], axis=1)
         return out
 
-    def car_data(self, t: Array | float, phase: int) -> CarData:
-        """Data at the time or at times t (n,); thrust and hold are (n, cars) then, if a car rolls freely."""
+    def car_loads_and_masses(self, t: Array | float, phase: int) -> CarLoadsAndMasses:
+        """At the time or at times t (n,); thrust and hold are (n, cars) then, if a car rolls freely."""
         if self._steady is not None:
             return self._steady
         cars, line = self.line.cars, self.line
@@ -209,12 +209,12 @@ class LineBalance(LineCoordinates):
                 released[..., i] = np.reshape([car.drive.remaining_hold_fraction(at) for at in times], np.shape(t))
         k, wind, friction = self._air
         lever, arm, inertia, resistance = self._swings
-        data = CarData(
+        out = CarLoadsAndMasses(
             self._masses, k, wind, friction, thrust, self.brakes, self.hold * released, self.signs, lever, arm,
             inertia, resistance, line.gravity, self.rear_brakes,
         )  # fmt: skip
-        self._steady = None if self._rolls else data
-        return data
+        self._steady = None if self._rolls else out
+        return out
 
     # --- tangent ---------------------------------------------------------------------------------------------
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
@@ -230,7 +230,7 @@ class LineBalance(LineCoordinates):
         sticking = self.sticking_unknowns
         moving = self.free.copy()
         moving[self._unknown[sticking]] = False
-        solve_moving = self.tangent_solver(x, RopeAndCars(self.law, self.car_data(t, phase)), c, moving)
+        solve_moving = self.tangent_solver(x, RopeAndCars(self.law, self.car_loads_and_masses(t, phase)), c, moving)
         if not sticking:
             return solve_moving
 
@@ -285,7 +285,7 @@ class LineBalance(LineCoordinates):
         return splu(csc_array(matrix[free][:, free])).solve
 
     def _add_contact_tangents(
-        self, matrix: Matrix, x: Coordinates, rope_rows: Array, cars: CarData, c: TangentFactors
+        self, matrix: Matrix, x: Coordinates, rope_rows: Array, cars: CarLoadsAndMasses, c: TangentFactors
     ) -> None:
         """Add supports, cars on two wheels, and the rows that determine F."""
         for slot, value in self._support_tangent_diagonal(x, c):
@@ -297,7 +297,7 @@ class LineBalance(LineCoordinates):
         for car in self.off_rope.values():
             car.add_tangent(matrix, x.q[car.swing] if car.swing is not None else 0.0, c)
         for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):
-            matrix.add_multiple_of_row(row, slot)
+            matrix.add_multiple_to_border_row(row, slot)
 
     def _support_tangent_diagonal(self, x: Coordinates, c: TangentFactors) -> Iterator[tuple[int, complex]]:
         """Diagonal entries of springs and counterweights."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 
-from cablefem.elements.bodies import INPUTS, CarData, ForcesOnCars, forces_on_cars
+from cablefem.elements.bodies import INPUTS, CarLoadsAndMasses, ForcesOnCars, forces_on_cars
 from cablefem.elements.off_rope import CarOffRope
 from cablefem.elements.reference import lagrange_element, shape_polynomial_coefficients
 from cablefem.elements.segments import Motion, dot
@@ -159,7 +159,7 @@ def _car_motions_and_powers(x: _History) -> tuple[tuple[CarMotion, ...], dict[st
         return (), {}
     k = np.array(system.cars)
     slots = system.s[k]
-    data = _car_data_over_time(x, x.q[:, slots], x.v[:, slots])
+    data = _car_loads_and_masses_over_time(x, x.q[:, slots], x.v[:, slots])
     inputs = _car_force_inputs(x)
     on = forces_on_cars(data, inputs)
     rows = x.ends[1][:, k - 1] + x.ends[0][:, k]
@@ -190,7 +190,7 @@ def _car_force_inputs(x: _History) -> Array:
 
 
 def _point_car_motion_and_powers(
-    x: _History, i: int, data: CarData, inputs: Array, on: ForcesOnCars, row: Array
+    x: _History, i: int, data: CarLoadsAndMasses, inputs: Array, on: ForcesOnCars, row: Array
 ) -> tuple[CarMotion, dict[str, Array]]:
     """Motion of car i, which stands on one contact, and its powers; inputs (n, INPUTS), and its row of s (n,)."""
     k, car = x.system.cars[i], x.system.line.cars[i]
@@ -253,7 +253,7 @@ def _force_on_shoe(car: Car, point: Array, missing_force: Array) -> Array:
 
 
 def _trolley_motion_and_powers(
-    x: _History, trolley: Trolley, data: CarData, row: Array
+    x: _History, trolley: Trolley, data: CarLoadsAndMasses, row: Array
 ) -> tuple[CarMotion, dict[str, Array]]:
     """Motion of a car on two wheels, and its powers; row : of s of the front wheel (n,)."""
     car, pair = trolley.car, np.array([trolley.k - 1, trolley.k])
@@ -303,10 +303,10 @@ def _wheel_motions(x: _History, trolley: Trolley, loads: Sequence[Array]) -> lis
     return wheels
 
 
-def _car_data_over_time(x: _History, s: Array, ds: Array) -> CarData:
+def _car_loads_and_masses_over_time(x: _History, s: Array, ds: Array) -> CarLoadsAndMasses:
     """Data of the cars at all times, (n, cars)."""
     system = x.system
-    each = [system.car_data(t, phase) for t, phase in zip(x.t.tolist(), x.phase, strict=True)]
+    each = [system.car_loads_and_masses(t, phase) for t, phase in zip(x.t.tolist(), x.phase, strict=True)]
     changing: dict[str, Any] = {name: np.array([getattr(y, name) for y in each]) for name in ("thrust", "hold")}
     drives = [car.drive for car in system.line.cars]
     before_jump = np.append(np.diff(x.t) <= 0.0, False)

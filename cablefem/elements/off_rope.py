@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cablefem.elements.bodies import INPUTS, CarData, ForcesOnCars, forces_on_cars, swing_constants
+from cablefem.elements.bodies import INPUTS, CarLoadsAndMasses, ForcesOnCars, forces_on_cars, swing_constants
 from cablefem.elements.bordered import Matrix
 from cablefem.elements.segments import dot
 from cablefem.newmark import Array, TangentFactors
@@ -24,7 +24,7 @@ class CarOffRope:
         self.grips = car.drive_kind == "grip"
         none = np.zeros(1)
         self.lever, arm, self.inertia, self.resistance = swing_constants(car, line.gravity)
-        self.data = CarData(
+        self.data = CarLoadsAndMasses(
             none + car.mass, none + car.drive.k, none + car.drive.wind, none, none, none, none, none,
             none + self.lever, none + arm, none + self.inertia, none + self.resistance, line.gravity, none,
         )  # fmt: skip

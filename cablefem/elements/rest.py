@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.bodies import CarData
+from cablefem.elements.bodies import CarLoadsAndMasses
 from cablefem.elements.line_balance import LineBalance, RopeAndCars
 from cablefem.elements.line_coordinates import Coordinates
 from cablefem.elements.segments import Law
@@ -54,9 +54,9 @@ def coordinates_with_zero_rates(system: LineBalance, q: Array) -> Coordinates:
     return system.fill_dependent_coordinates(z)
 
 
-def car_data_at_rest(system: LineBalance, t: float, phase: int) -> CarData:
+def car_loads_and_masses_at_rest(system: LineBalance, t: float, phase: int) -> CarLoadsAndMasses:
     """Cars at rest; hauled ones are about to move."""
-    cars = system.car_data(t, phase)
+    cars = system.car_loads_and_masses(t, phase)
     hauled = np.array([car.travel is not None for car in system.line.cars])
     none = np.zeros(hauled.size)
     return cars._replace(
@@ -73,7 +73,7 @@ def _solve_rest_by_newton(
     """
     points = np.array([c.point for c in system.line.supports])
     reach, bound = float(np.ptp(points[:, 0])), system.force_floor * np.sqrt(system.n_dof)
-    rope_and_cars = RopeAndCars(system.law if law is None else law, car_data_at_rest(system, t, phase))
+    rope_and_cars = RopeAndCars(system.law if law is None else law, car_loads_and_masses_at_rest(system, t, phase))
     moving = free.copy()
     moving[system.force] = False
 

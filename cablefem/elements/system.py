@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.elements.bodies import CarData, forces_on_cars, vector_length
+from cablefem.elements.bodies import CarLoadsAndMasses, forces_on_cars, vector_length
 from cablefem.elements.line_balance import LineBalance, RopeAndCars
 from cablefem.elements.line_coordinates import Coordinates
 from cablefem.elements.line_observe import observe_line
@@ -75,14 +75,20 @@ class LineElements(LineBalance):
         self.set_travel_directions(phase)
         if state is not None:
             return consistent_acceleration(self, t, state.q, state.v, phase)
-        from cablefem.elements.rest import car_data_at_rest, coordinates_at_rest, coordinates_with_zero_rates
+        from cablefem.elements.rest import (
+            car_loads_and_masses_at_rest,
+            coordinates_at_rest,
+            coordinates_with_zero_rates,
+        )
 
         q, v = coordinates_at_rest(self, t, phase), np.zeros(self.size)
         if self.prescribed_coordinates(t, phase).v.any():
             before, after = (coordinates_at_rest(self, t, phase, shift, q) for shift in (-SHIFT, SHIFT))
             v = (after - before) / (2.0 * SHIFT)
         if self.cars:
-            self._release_free_cars(t, phase, coordinates_with_zero_rates(self, q), car_data_at_rest(self, t, phase))
+            self._release_free_cars(
+                t, phase, coordinates_with_zero_rates(self, q), car_loads_and_masses_at_rest(self, t, phase)
+            )
         rows = self.balance_rows(t, coordinates_with_zero_rates(self, q), phase)
         slack, *pressures = self._min_tension_and_saddle_pressures(rows, self.loads[0])
         if min(slack, *pressures, 0.0) < 0.0:
@@ -100,7 +106,7 @@ class LineElements(LineBalance):
             if car.travel:
                 self.signs[i] = self.line.travel_direction(car, phase)
 
-    def _release_free_cars(self, t: float, phase: int, x: Coordinates, held: CarData) -> None:
+    def _release_free_cars(self, t: float, phase: int, x: Coordinates, held: CarLoadsAndMasses) -> None:
         """Let free cars go; they must move against friction."""
         self.hold[:] = 0.0
         slots = self.s[self.cars]
@@ -110,7 +116,7 @@ class LineElements(LineBalance):
         for i, car in enumerate(self.line.cars):
             if car.drive_kind == "free":
                 self._set_brakes(i, x.q[slots[i]])
-        now = self.car_data(t, phase)
+        now = self.car_loads_and_masses(t, phase)
         rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, now))
         pressing = np.abs(self._pressing_forces(x, rows, self.loads[0], now))
         loads = np.bincount(self._pressing, pressing)
@@ -162,7 +168,7 @@ class LineElements(LineBalance):
         after = self._state_with_slip(i, x, 0.0)
         z = self.coordinates_from_unknowns(*after)
         rows = self.balance_rows(x.t, z, x.phase)
-        pressing = self._pressing_forces(z, rows, self.loads[0], self.car_data(x.t, x.phase))
+        pressing = self._pressing_forces(z, rows, self.loads[0], self.car_loads_and_masses(x.t, x.phase))
         return after if self._friction_margin(i, z, rows, pressing) > 0.0 else self._start_slipping(i, after)
 
     def _start_slipping(self, i: int, x: State) -> State:
@@ -205,7 +211,7 @@ class LineElements(LineBalance):
             return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
         if self._loaded[0] is not x:
             rows, loads = self._rows_and_loads(x, z)
-            pressing = self._pressing_forces(z, rows, loads, self.car_data(x.t, x.phase))
+            pressing = self._pressing_forces(z, rows, loads, self.car_loads_and_masses(x.t, x.phase))
             margins = [self._friction_margin(i, z, rows, pressing) if self._sticks(i) else np.inf for i in self._stops]
             self._loaded = x, pressing + self._min_tension_and_saddle_pressures(rows, loads) + margins
         passing = [p.distance_to_go(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
@@ -219,7 +225,7 @@ class LineElements(LineBalance):
                 return z[:, 2 * self.node[k] + np.arange(2)]
         return self.off_rope[car].points_with_rates(np.array([x.t]), z[:, None], x.phase)[0]
 
-    def _pressing_forces(self, x: Coordinates, rows: Array, loads: Array, cars: CarData) -> list[float]:
+    def _pressing_forces(self, x: Coordinates, rows: Array, loads: Array, cars: CarLoadsAndMasses) -> list[float]:
         """Contact forces [N] of all that may lift off; `rows` and `loads` are those of x."""
         if not self.cars:
             return []

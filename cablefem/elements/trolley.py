@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.bodies import STEP, CarData
+from cablefem.elements.bodies import STEP, CarLoadsAndMasses
 from cablefem.newmark import Array, TangentFactors
 from cablefem.scene.contacts import Car
 
@@ -112,7 +112,7 @@ class Trolley:
         parts = [slopes, rope_rows, q[..., self.body[2:]], v[..., self.body], a[..., self.body], force[..., None]]
         return np.concatenate(parts, axis=-1).T
 
-    def forces(self, cars: CarData, inputs: Any) -> TrolleyForces:
+    def forces(self, cars: CarLoadsAndMasses, inputs: Any) -> TrolleyForces:
         """Forces on the car, and rows.
 
         inputs : (INPUTS, ...), which may be complex;  cars : data of all of them (..., cars).
@@ -148,7 +148,7 @@ class Trolley:
         )  # fmt: skip
 
     def add_tangent(
-        self, matrix: Matrix, coordinates: Sequence[Array], rope_rows: Array, cars: CarData, c: TangentFactors
+        self, matrix: Matrix, coordinates: Sequence[Array], rope_rows: Array, cars: CarLoadsAndMasses, c: TangentFactors
     ) -> None:
         """Add c0 d/dq + c1 d/dv + c2 d/da of the rows; the nodes follow the body in the columns of `matrix`.
 
@@ -172,8 +172,8 @@ class Trolley:
         b_sin, b_cos = self.wheels.base * math.sin(q[self.body[2]]), self.wheels.base * math.cos(q[self.body[2]])
         for axis, turned in enumerate((b_sin, -b_cos)):
             rear, front = self.points[:, axis]
-            matrix.add_multiple_of_column(front, self.body[axis], 1.0)
-            matrix.add_multiple_of_column(rear, self.body[axis], 1.0)
-            matrix.add_multiple_of_column(rear, self.body[2], turned)
+            matrix.add_multiple_to_border_column(front, self.body[axis], 1.0)
+            matrix.add_multiple_to_border_column(rear, self.body[axis], 1.0)
+            matrix.add_multiple_to_border_column(rear, self.body[2], turned)
         for row, slot in np.argwhere(by[:, 8:12]).tolist():
-            matrix.add_multiple_of_row(int(self.points.flat[slot]), int(self.rows[row]), by[row, 8 + slot])
+            matrix.add_multiple_to_border_row(int(self.points.flat[slot]), int(self.rows[row]), by[row, 8 + slot])

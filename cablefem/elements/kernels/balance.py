@@ -176,7 +176,7 @@ def add_internal_force(
         add_forces_of_points(cable, r)
         if factors[0] != 0.0:
             add_stiffness_of_points(cable, s_o, factors[0], tangent.ab)
-        return smallest_mean_tension(cable, s_o)
+        return smallest_element_mean_tension(cable, s_o)
     return add_chord_force(cable, s_o, q, r, tangent, factors), 0.5  # uniform tension
 
 
@@ -251,8 +251,8 @@ def set_forces_at_points(cable: Cable, s_o: float, q: Array) -> None:
 
 
 @inner
-def smallest_mean_tension(cable: Cable, s_o: float) -> MinTension:
-    """Return the smallest of the elements' mean tensions at `points`."""
+def smallest_element_mean_tension(cable: Cable, s_o: float) -> MinTension:
+    """Return the smallest of the elements' mean tensions, by T at `points`, and the s of that element's middle."""
     tab = cable.mesh.tab
     N = cable.points[8]
     n_q = len(cable.mesh.points) or tab.shape[1]

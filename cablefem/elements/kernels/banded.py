@@ -26,7 +26,7 @@ def factorise_in_place(ab: Array, border: Array | None) -> None:
     solved = border[2]
     for i in range(n):
         solved[i] = column[i]
-    solve_band_in_place(ab, solved)
+    solve_factored_band_in_place(ab, solved)
     for i in range(n):
         column[n] -= row[i] * solved[i]
     if column[n] == 0.0:
@@ -57,7 +57,7 @@ def factorise_band_in_place(ab: Array) -> None:
 @compiled
 def solve_in_place(ab: Array, border: Array | None, b: Array) -> Array:
     """Overwrite b with the solution by factors, and return it; b without an entry for the border counts as 0 there."""
-    solve_band_in_place(ab, b)
+    solve_factored_band_in_place(ab, b)
     if border is None:
         return b
     n = ab.shape[0]
@@ -75,20 +75,20 @@ def solve_in_place(ab: Array, border: Array | None, b: Array) -> Array:
 
 
 @inner
-def solve_band_in_place(ab: Array, b: Array) -> None:
-    """Overwrite b with the solution by the factors of a band."""
-    n = ab.shape[0]
-    band = ab.shape[1] // 2
+def solve_factored_band_in_place(factors: Array, b: Array) -> None:
+    """Overwrite b with the solution; factors : of `factorise_band_in_place`."""
+    n = factors.shape[0]
+    band = factors.shape[1] // 2
     for i in range(n):
         x = b[i]
         for k in range(min(band, i), 0, -1):  # the newest last: its wait is short
-            x -= ab[i, band - k] * b[i - k]
+            x -= factors[i, band - k] * b[i - k]
         b[i] = x
     for i in range(n - 1, -1, -1):
         x = b[i]
         for k in range(min(band, n - 1 - i), 0, -1):
-            x -= ab[i, band + k] * b[i + k]
-        b[i] = x * ab[i, band]
+            x -= factors[i, band + k] * b[i + k]
+        b[i] = x * factors[i, band]
 
 
 @inner

@@ -12,7 +12,7 @@ from cablefem.elements.segment_kernels import balance
 from cablefem.newmark import Array
 
 if TYPE_CHECKING:
-    from cablefem.elements.bodies import CarData
+    from cablefem.elements.bodies import CarLoadsAndMasses
     from cablefem.elements.bordered import BandMatrix
     from cablefem.elements.segments import Segments
 
@@ -32,10 +32,10 @@ class Kernel:
         self.forces, self.swings = slots
         self._known: tuple[Any, Any] = None, None  # the last data, and as an array
 
-    def _line(self, law: Array, cars: CarData) -> balance.Line:
+    def _line(self, law: Array, cars: CarLoadsAndMasses) -> balance.Line:
         return balance.Line(self.mesh, self.rope, law, self._kernel_cars(cars))
 
-    def _kernel_cars(self, cars: CarData) -> balance.Cars:
+    def _kernel_cars(self, cars: CarLoadsAndMasses) -> balance.Cars:
         """The cars with their data, made once if the same `cars` come again."""
         if cars is self._known[0]:
             return self._known[1]
@@ -49,7 +49,7 @@ class Kernel:
         return self._known[1]
 
     def add_rows_and_set_loads(
-        self, x: Sequence[Array], law: Array, cars: CarData, rows: Array, loads_and_min_tension: Array
+        self, x: Sequence[Array], law: Array, cars: CarLoadsAndMasses, rows: Array, loads_and_min_tension: Array
     ) -> None:
         """Add rows to (n, size), and set (n, cars + 1) to the loads [N] on the rope and the smallest tension.
 
@@ -58,7 +58,9 @@ class Kernel:
         at = balance.Coordinates(*x)
         balance.add_rows_and_set_loads(self._line(law, cars), at, rows, loads_and_min_tension)
 
-    def add_tangent(self, x: Sequence[Array], law: Array, cars: CarData, factors: Array, matrix: BandMatrix) -> None:
+    def add_tangent(
+        self, x: Sequence[Array], law: Array, cars: CarLoadsAndMasses, factors: Array, matrix: BandMatrix
+    ) -> None:
         """Add c0 d/dq + c1 d/dv + c2 d/da of the rows at one instant; x : q, v, a (size,).
 
         factors : (4,) c0, c1, c2, and that of F/M.
