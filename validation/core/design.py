@@ -13,7 +13,6 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cablefem.newmark import scheme
 from cablefem.response import Array, Response
@@ -31,7 +30,7 @@ from validation.core.measures import (
 )
 from validation.core.order import FIRST
 from validation.core.quantities import unit_of
-from validation.core.scene_data import ROUNDING, SceneData
+from validation.core.scene_data import ROUNDING, SceneData, is_within
 from validation.core.store import nulls_for_nonfinite
 from validation.core.wheels import rope_stresses_under_wheel
 
@@ -161,15 +160,16 @@ def design_quantities(scene: Scene) -> dict[str, DesignQuantity]:
     if scene.mass is not None and scene.mass.wheels is not None:
         for name in rope_stresses_under_wheel(scene.cable, scene.mass.wheels, np.ones(1), np.ones(1)):
             sign = -1.0 if name.endswith("min") else 1.0
-            tracks = partial(_wheel_stress_tracks, scene.cable, scene.mass.wheels, name)
+            tracks = partial(_stress_tracks_behind_and_ahead, scene.cable, scene.mass.wheels, name)
             quantities[name] = DesignQuantity(sign, tracks)
     return quantities
 
 
-def _wheel_stress_tracks(rope: Rope, wheels: Wheels, name: str, r: Response) -> list[Track]:
-    """A stress of the rope under a wheel by name, with the tension behind and ahead of the car."""
+def _stress_tracks_behind_and_ahead(rope: Rope, wheels: Wheels, stress_name: str, r: Response) -> list[Track]:
+    """A stress of the rope under a wheel, by the tension behind the car and by that ahead."""
     Q = r.F_contact / wheels.count  # [N] of one wheel
-    return [Track(r.t, rope_stresses_under_wheel(rope, wheels, N, Q)[name], r.s_o) for N in (r.T_behind, r.T_ahead)]
+    stresses = [rope_stresses_under_wheel(rope, wheels, N, Q)[stress_name] for N in (r.T_behind, r.T_ahead)]
+    return [Track(r.t, stress, r.s_o) for stress in stresses]
 
 
 def demands_of_limits(scene: Scene) -> set[str]:
@@ -268,13 +268,13 @@ def design_numbers(ladder_or_run: Ladder | Response, counterpart: Ladder | None 
 
 def signals_over_common_time(r: Response, other: Response | None = None) -> dict[str, Signal]:
     """Signals of a run by design quantity, over the times that both runs cover; forces as means over a round trip."""
-    span = time_span_for_extremes(r, other)
+    time_span = time_span_for_extremes(r, other)
     until_valid = (float(r.t[0]), last_time_valid_in_all(r, other or r))
     round_trip = _axial_round_trip_time(r.scene_toml, r.length)
     signals = {}
     for name, quantity in design_quantities(_scene_of_toml(r.scene_toml)).items():
         follows_force = unit_of(name) in ("N", "deg", "Pa", "m/s2") or name == "tension_over_wheel_min"
-        times = until_valid if quantity.anywhere else span
+        times = until_valid if quantity.anywhere else time_span
         signals[name] = Signal(quantity, times, round_trip if follows_force else 0.0)
     return signals
 
@@ -326,7 +326,7 @@ def _number_of_extreme(name: str, signal: Signal, r: Response, ladder: Ladder | 
     extreme = signal.extreme(r)
     if extreme is None:
         return _design_row(name, None, math.inf, unit) if name.startswith("clearance_") else None
-    if signal.quantity.inner and _is_at_end_of_time_or_cable(extreme, r, signal.span):
+    if signal.quantity.inner and _is_at_end_of_time_or_cable(extreme, r, signal.time_span):
         return None
     bar = math.inf
     if ladder is not None:
@@ -357,7 +357,7 @@ def _bar_of_extreme(signal: Signal, extreme: _Extreme, period: float, ladder: La
     if extreme.step > 0.0:
         count = 9  # times at which two runs are compared
         times = extreme.t + np.linspace(-1.0, 1.0, count) * max(period, extreme.step)
-        values = partial(signal.values_at, extreme.track, np.clip(times, *signal.span))
+        values = partial(signal.values_at, extreme.track, np.clip(times, *signal.time_span))
         bar = max(bar, ladder.bar(values, max_distance, order))
     return bar + extreme.between
 
@@ -374,17 +374,17 @@ class _Extreme:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A quantity in a span of times [s], as a mean over a period [s]; 0: as it is."""
+    """A quantity in a time span [s], as a mean over a period [s]; 0: as it is."""
 
     quantity: DesignQuantity
-    span: tuple[float, float]
+    time_span: tuple[float, float]
     period: float
 
     def averaged_samples(self, track: Track) -> Track:
         """A track (n,) of means over the period, of values along the cable their extremes."""
         if track.value.ndim > 1:
             return self._extremes_along_cable(track)
-        t, value, s = self._samples_in_span(track)
+        t, value, s = self._samples_in_time_span(track)
         if self.period and t.size > 2:
             low, high = (np.clip(t + half * self.period, t[0], t[-1]) for half in (-0.5, 0.5))
             value = time_means_between(t, value[:, None], low, high)[:, 0]
@@ -392,7 +392,7 @@ class Signal:
 
     def _extremes_along_cable(self, track: Track) -> Track:
         """Extremes (n,) along the cable of the means over the period, at frames without nan."""
-        rows = self._is_in_span(track.t)
+        rows = is_within(track.t, *self.time_span)
         rows &= np.isfinite(track.value).all(axis=1)
         t = track.t[rows]
         value = track.value[rows]
@@ -408,23 +408,18 @@ class Signal:
         at = (self.quantity.sign * value).argmax(axis=1)
         return Track(t, value[np.arange(t.size), at], track.s[at])
 
-    def _is_in_span(self, t: Array) -> NDArray[np.bool_]:
-        """At which times t lies in the span, up to rounding."""
-        begin, end = self.span
-        return (t >= begin * (1.0 - ROUNDING)) & (t <= end * (1.0 + ROUNDING))
-
-    def _samples_in_span(self, track: Track) -> Track:
-        """Samples in the span of times, its ends included, where the signal is finite."""
+    def _samples_in_time_span(self, track: Track) -> Track:
+        """Samples in the time span, its ends included, where the signal is finite."""
         has_value = np.isfinite(track.value)
         t = track.t[has_value]
         value = track.value[has_value]
         s = track.s[has_value]
-        rows = self._is_in_span(t)
+        rows = is_within(t, *self.time_span)
         inside = t[rows]
         if self.quantity.anywhere or inside.size == 0:
             return Track(inside, value[rows], s[rows])
-        ends = np.clip(self.span, t[0], t[-1])
-        distinct = np.abs(ends - inside[[0, -1]]) > ROUNDING * self.span[1]
+        ends = np.clip(self.time_span, t[0], t[-1])
+        distinct = np.abs(ends - inside[[0, -1]]) > ROUNDING * self.time_span[1]
         at = np.concatenate([ends[:1][distinct[:1]], inside, ends[1:][distinct[1:]]])
         return Track(at, np.interp(at, t, value), np.interp(at, t, s))
 
@@ -465,8 +460,8 @@ class Signal:
         return np.interp(times, t, value)
 
 
-def _is_at_end_of_time_or_cable(extreme: _Extreme, r: Response, span: tuple[float, float]) -> bool:
-    at_end_of_time = min(extreme.t - span[0], span[1] - extreme.t) <= 0.5 * extreme.step
+def _is_at_end_of_time_or_cable(extreme: _Extreme, r: Response, time_span: tuple[float, float]) -> bool:
+    at_end_of_time = min(extreme.t - time_span[0], time_span[1] - extreme.t) <= 0.5 * extreme.step
     return bool(at_end_of_time or not 0.0 < extreme.s < r.length)
 
 

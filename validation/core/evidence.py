@@ -14,7 +14,7 @@ from scipy.integrate import simpson
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from cablefem.response import Array, Response
-from validation.core.scene_data import ROUNDING, SceneData
+from validation.core.scene_data import ROUNDING, SceneData, is_within
 
 AT_REST = ("s", "x", "y", "T_static")
 
@@ -36,7 +36,7 @@ class Windows:
         end = min(until, float(r.t[-1]))
         if r.drive != "free":
             begin, end = np.interp(np.array(window) * r.length, r.s_o, r.t)
-        t = r.fields.t[_is_within(r.fields.t, begin, end)]
+        t = r.fields.t[is_within(r.fields.t, begin, end)]
         count = 12  # frames per window: 0.06 of the travel
         every = min(count, max(1, t.size // 4))
         frames = np.append(t[:-1:every], t[-1:])
@@ -117,7 +117,7 @@ class Evidence:
         r = self.r
         t = self.windows.steps
         off = (r.s_o > ROUNDING * r.length) & (r.s_o < (1.0 - ROUNDING) * r.length)
-        return off & _is_within(r.t, t[0], t[-1])
+        return off & is_within(r.t, t[0], t[-1])
 
     @cached_property
     def window_frame_indices(self) -> NDArray[np.intp]:
@@ -312,11 +312,6 @@ class Evidence:
             "hold": holding_force * self.travel_speed,
             **lost,
         }
-
-
-def _is_within(t: Array, begin: float, end: float) -> NDArray[np.bool_]:
-    """At which times t lies in a span, up to rounding."""
-    return (t >= begin * (1.0 - ROUNDING)) & (t <= end * (1.0 + ROUNDING))
 
 
 def _array_fields(x: Any) -> dict[str, Array]:

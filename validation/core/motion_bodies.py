@@ -100,7 +100,7 @@ class CarBody:
         self.c = point - self.arms[-1]
         self.dc = velocity - 1j * self.rate * self.arms[-1]
         self.masses = [(contact_mass, point, velocity), (mass - contact_mass, self.c, self.dc)]
-        self._set_thrust_and_drag(car, sampled)
+        self._set_drive_forces_and_powers(car, sampled)
         self._set_forces_along_rope(car, motion, sampled)
 
     @property
@@ -129,8 +129,8 @@ class CarBody:
         self.arms = [self.e * (middle + side * 0.5 * self.size) for side in (-1.0, 1.0)]
         self.touching = [RopeContact(x, x.load, sampled) for x in (rear, front)]
 
-    def _set_thrust_and_drag(self, car: Any, sampled: Sampled) -> None:
-        """Set the force and moment of thrust or haul rope, the drag, and the powers of these and of damping."""
+    def _set_drive_forces_and_powers(self, car: Any, sampled: Sampled) -> None:
+        """Set `force` and `moment` of thrust or haul rope, `drag`, and `powers` of these and of damping."""
         drive = self.data.get("drive", {})
         thrust = drive.get("thrust", 0.0)
         if not isinstance(thrust, dict):

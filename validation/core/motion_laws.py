@@ -124,8 +124,8 @@ def _time_integral(t: Array, values: Array) -> Array:
     return np.asarray((0.5 * (values[1:] + values[:-1]) * steps).sum(axis=0))
 
 
-class SmoothWindow(NamedTuple):
-    """W(t) = (1 - cos x)^2/4 of a stretch of time, and its derivatives, at samples `part` (k,)."""
+class WindowWeight(NamedTuple):
+    """Weight function W(t) = (1 - cos x)^2/4 of a window of time, and its derivatives, at samples `part` (k,)."""
 
     part: slice
     W: Array
@@ -133,8 +133,8 @@ class SmoothWindow(NamedTuple):
     W2: Array
 
 
-def _smooth_windows(t: Array, end: float) -> Iterator[SmoothWindow]:
-    """WINDOWS of them, spread over the times t up to `end`."""
+def _window_weights(t: Array, end: float) -> Iterator[WindowWeight]:
+    """Those of WINDOWS windows, spread over the times t up to `end`."""
     share = 0.25  # length of a window over the run's
     length = share * end
     for middle in np.linspace(0.5 * length, end - 0.5 * length, WINDOWS):
@@ -148,7 +148,7 @@ def _smooth_windows(t: Array, end: float) -> Iterator[SmoothWindow]:
         W = 0.25 * (1.0 - cos) ** 2
         W1 = 0.5 * k * (1.0 - cos) * sin
         W2 = 0.5 * k**2 * (sin**2 + (1.0 - cos) * cos)
-        yield SmoothWindow(part, W, W1, W2)
+        yield WindowWeight(part, W, W1, W2)
 
 
 def momentum_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
@@ -172,7 +172,7 @@ def momentum_defects_by_window(toml: str, motion: Any, end: float, every: int = 
     entering = line.rho * (at_last - at_first)
     largest = max(float(np.max(x.mean_tension_at(body))) for body in (*x.contacts, *x.cars))
     out = []
-    for part, W, W1, W2 in _smooth_windows(x.t, end):
+    for part, W, W1, W2 in _window_weights(x.t, end):
         t = x.t[part]
         m = moment[part]
         share = ((t - t[0]) / (t[-1] - t[0]))[:, None]
@@ -194,7 +194,7 @@ def counterweight_defects_by_window(toml: str, motion: Any, end: float, every: i
         contact = motion.contacts[k]
         N = tension_at_contact(contact)[steps]
         rate = e * (1.0 + G / line.EA) * contact.ds[steps]
-        for part, W, W1, _ in _smooth_windows(t, end):
+        for part, W, W1, _ in _window_weights(t, end):
             weighted = W * (N[part] - G) + W1 * G / line.gravity * rate[part]
             defect = _time_integral(t[part], weighted)
             out.append(float(defect) / (G * float(_time_integral(t[part], W))))
@@ -241,7 +241,7 @@ def moment_defects_by_window(toml: str, motion: Any, end: float, every: int = 1)
         if body.turning is None:
             continue
         moment, momentum = body.moment_and_angular_momentum()
-        for part, W, W1, _ in _smooth_windows(x.t, end):
+        for part, W, W1, _ in _window_weights(x.t, end):
             t = x.t[part]
             defect = float(_time_integral(t, W * moment[part] + W1 * momentum[part]))
             scale = body.masses[1][0] * body.g * body.size
@@ -258,7 +258,7 @@ def kink_force_defects_by_window(toml: str, motion: Any, end: float, every: int 
         for touching in body.touching if body.turning is not None else ():
             defect = touching.force_on_rope - touching.force_from_rope_kink(line.rho)
             weight = body.data["mass"] * body.g
-            for part, W, _, _ in _smooth_windows(x.t, end):
+            for part, W, _, _ in _window_weights(x.t, end):
                 t = x.t[part]
                 along = _time_integral(t, W * defect.real[part])
                 down = _time_integral(t, W * defect.imag[part])
@@ -287,7 +287,7 @@ def holding_force_excesses_by_window(toml: str, motion: Any, end: float, every: 
     for body in x.bodies:
         held = body.held_by_friction * body.touching[-1].along
         largest = body.held_by_friction * body.resistance
-        for part, W, _, _ in _smooth_windows(x.t, end):
+        for part, W, _, _ in _window_weights(x.t, end):
             t = x.t[part]
             needed = abs(float(_time_integral(t, W * held[part])))
             excess = needed - float(_time_integral(t, W * largest[part]))

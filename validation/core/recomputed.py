@@ -24,7 +24,14 @@ from validation.core.measures import (
     time_span_for_extremes,
 )
 from validation.core.rest import EmptyCable, car_position_at_rest
-from validation.core.scene_data import ROUNDING, SceneData, max_depth_at, means_around_times, rope_stresses_at_wheel
+from validation.core.scene_data import (
+    ROUNDING,
+    SceneData,
+    is_within,
+    max_depth_at,
+    means_around_times,
+    rope_stresses_at_wheel,
+)
 
 
 def _recomputed_row(
@@ -88,7 +95,7 @@ class RecomputedNumbers:
         self.r = r
         self.data = SceneData(r.scene_toml, r.length)
         self.signals = _signals_by_kind(r, self.data)
-        self.span = time_span_for_extremes(r, counterpart)
+        self.time_span = time_span_for_extremes(r, counterpart)
         self.until = last_time_valid_in_all(r, counterpart or r)
         # obstacles and ground: points (n, 2), x and depth [m]
         scene = self.data.scene
@@ -126,12 +133,12 @@ class RecomputedNumbers:
         return self._extreme(kind, averaged)
 
     def _extreme(self, kind: str, averaged: bool) -> float | None:
-        """Smallest or largest value of a signal over the span; None where nothing is known."""
+        """Smallest or largest value of a signal over the time span; None where nothing is known."""
         signals = self._signals_of_kind(kind)
         assert signals is not None
         period = self.data.round_trip if averaged and kind.startswith(FORCES) else 0.0
         known = [(t, v) for t, v in signals if t.size]
-        values = np.concatenate([_moving_means(t, v, self.span, period).ravel() for t, v in known])
+        values = np.concatenate([_moving_means(t, v, self.time_span, period).ravel() for t, v in known])
         if not values.size:
             return None
         return float(values.min() if kind.endswith("_min") else values.max())
@@ -220,16 +227,16 @@ def _contact_force(r: Response) -> Array:
     return cross_product(tangent, r.contact) / np.sqrt(np.sum(tangent**2, axis=1))
 
 
-def _moving_means(t: Array, values: Array, span: tuple[float, float], period: float) -> Array:
-    """Means of a signal (n,), or of a field (n, m) over frames, over a period around all times in a span."""
+def _moving_means(t: Array, values: Array, time_span: tuple[float, float], period: float) -> Array:
+    """Means of a signal (n,), or of a field (n, m) over frames, over a period around all times in a time span."""
     known = np.isfinite(values.reshape(t.size, -1)).all(axis=1)
     t = t[known]
     values = values[known]
-    rows = (t >= span[0] * (1.0 - ROUNDING)) & (t <= span[1] * (1.0 + ROUNDING))
+    rows = is_within(t, *time_span)
     if values.ndim == 2:
         return _means_of_frames(t[rows], values[rows], period)
     if rows.any():  # up to the ends of the range
-        ends = np.clip(span, t[0], t[-1])
+        ends = np.clip(time_span, t[0], t[-1])
         inner = t[rows & (t > ends[0]) & (t < ends[1])]
         times = np.unique(np.concatenate([ends, inner]))
         values = np.interp(times, t, values)

@@ -171,7 +171,7 @@ def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) ->
         for event in EVENTS:
             rows += _event_rows(event, a, b, tolerance("rest"))
     rows += _incomplete_range_rows(a, b, view, full, tolerance("rest"))
-    rows.append(_slack_onset_row(a, b, full, tolerance("rest")))
+    rows.append(_slack_onset_distance_row(a, b, full, tolerance("rest")))
     rows += _path_past_slack_rows(a, b, view, tolerance("rest"))
     return rows
 
@@ -372,7 +372,7 @@ def quasi_static_event_rows(a: Ladder, quasi_static: list[Event], required: floa
             yield Agreement("quasi-static", gap, bound, law=law, required=required, decides=False)
 
 
-def _slack_onset_row(a: Ladder, b: Ladder, full: View, required: float) -> Agreement:
+def _slack_onset_distance_row(a: Ladder, b: Ladder, full: View, required: float) -> Agreement:
     """Row of the distance of both answers where the first cable goes slack; no slack counts as the window's end.
 
     Smallest tensions so far, over H, are falling curves over s_o/l; see `scene_data.ordinate_on_unit_slope`.

@@ -69,6 +69,11 @@ def means_around_times(t: Array, values: Array, at: Array, period: float) -> Arr
     return np.asarray((total(end) - total(begin)) / duration)
 
 
+def is_within(t: Array, begin: float, end: float) -> NDArray[np.bool_]:
+    """Which of the times t lie from begin to end, up to rounding."""
+    return (t >= begin * (1.0 - ROUNDING)) & (t <= end * (1.0 + ROUNDING))
+
+
 def max_depth_at(at: Array, x: Array, y: Array) -> Array:
     """Deepest y of a polyline (n,) at each x of `at` (m,); -inf where it does not pass."""
     low = np.minimum(x[:-1], x[1:])

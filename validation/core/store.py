@@ -74,7 +74,7 @@ def _refuse_foreign_files(folder: Path, results: dict[str, Any], writes: Sequenc
 
 def _delete_files_of_result(folder: Path, command: str, result: dict[str, Any]) -> None:
     """Delete the files that a command wrote, and folders that are empty then."""
-    pages_path(folder, command).unlink(missing_ok=True)
+    stored_sections_path(folder, command).unlink(missing_ok=True)
     for name in result["files"]:
         (folder / name).unlink(missing_ok=True)
     for top in result["writes"]:
@@ -116,7 +116,7 @@ def scene_title(folder: Path) -> str:
     return scene.get("title") or scene.get("name") or ""
 
 
-def pages_path(folder: Path, command: str) -> Path:
+def stored_sections_path(folder: Path, command: str) -> Path:
     """Where a command's sections of the report are stored."""
     return folder / f".{command}.pages.json"
 

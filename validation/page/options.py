@@ -104,15 +104,15 @@ Cases = Annotated[
 ]
 
 
-def with_limits(scene: Any, texts: list[str] | None) -> Any:
-    """The scene or line with limits of these texts beside its own; Refused for an unknown text."""
+def with_limits_of_regulations(scene: Any, regulations: list[str] | None) -> Any:
+    """The scene or line with the limits of these regulations beside its own; Refused for an unknown one."""
     from cablefem.scene import SceneError
 
-    if not texts:
+    if not regulations:
         return scene
     own = () if scene.limits is None else scene.limits.use
     try:
-        return scene.replace({"limits.use": list(dict.fromkeys([*own, *texts]))})
+        return scene.replace({"limits.use": list(dict.fromkeys([*own, *regulations]))})
     except SceneError as error:
         raise store.Refused([fault.replace("limits.use", "--limits", 1) for fault in error.faults]) from None
 

@@ -30,7 +30,7 @@ def write_report_and_finish(folder: Path, command: str, faults: Sequence[str] = 
     if faults:
         text = Markup("").join(callout(fault, "disagree") for fault in faults)
         drawn.insert(0, Section("read-back", "What was written is not what was computed", text, "disagree"))
-    write_json(store.pages_path(folder, command), [asdict(section) for section in drawn])
+    write_json(store.stored_sections_path(folder, command), [asdict(section) for section in drawn])
     done = [
         other
         for other in reversed(store.commands_on_latest_scene(folder))
@@ -67,7 +67,7 @@ def report_read_back_faults(folder: Path, command: str, faults: Sequence[str]) -
 def read_stored_sections(folder: Path, command: str) -> list[Section]:
     """The stored pages of a command, or one that says why there are none."""
     try:
-        pages = store.read_json(store.pages_path(folder, command))
+        pages = store.read_json(store.stored_sections_path(folder, command))
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
     except (OSError, ValueError, TypeError, KeyError):
         text = callout(f"Its pages are gone or of another version; run cablefem {command} again.", "not comparable")

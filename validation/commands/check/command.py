@@ -67,11 +67,11 @@ def command(
     extras = Extras(require, self_test, sensitive, verbose)
     if (line := options.load_line_or_refuse(scene)) is not None:
         others = {"--ask": ask != "all", "--with": other is not None, "--deep": deep, "--verbose": verbose}
-        points = options.line_points_from_options(options.with_limits(line, limits), set_, case, others)
+        points = options.line_points_from_options(options.with_limits_of_regulations(line, limits), set_, case, others)
         second_scene = _scene_of_second_solver(points[0].scene, second, second_set)
         return _check_line(points, tol, tol_tension, out, second_scene, extras)
     faults = _option_faults(tol, tol_tension, with_tol, ask)
-    loaded = options.with_limits(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
+    loaded = options.with_limits_of_regulations(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
     points = _grid_of_scenes(loaded, set_, case)
     settings = {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
     if len(points) > 1:
@@ -107,7 +107,7 @@ def _report_check(result: "Check", folder: Path, extras: Extras) -> int:
     if extras.sensitivity:
         from validation.commands.check import sensitivity
 
-        changes = sensitivity.smallest_detectable_changes(result)
+        changes = sensitivity.detectable_input_changes(result)
         terminal.print_text(f"  {sensitivity.detectable_changes_sentence(changes)}")
     a = result.a.finest
     b = result.b.finest
@@ -159,7 +159,7 @@ def _check_line(
         from validation.commands.check import sensitivity
 
         for result in results:
-            changes = kind.smallest_detectable_changes(result)
+            changes = kind.detectable_input_changes(result)
             terminal.print_text(f"  {sensitivity.detectable_changes_sentence(changes)}")
     if not extras.self_test:
         return code

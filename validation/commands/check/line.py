@@ -231,8 +231,8 @@ def recheck_outputs(result: RestAnswers) -> list[Agreement]:
         return line_laws.printed_number_rows(result.line.to_toml(), result.rest, folder, html, page.WORDS)
 
 
-def smallest_detectable_changes(result: RestAnswers) -> dict[str, float]:
-    """Smallest relative change of each key that this check would detect in one solver, by catenaries."""
+def detectable_input_changes(result: RestAnswers) -> dict[str, float]:
+    """Smallest relative change of each input key that this check would detect in one solver, by catenaries."""
     line = result.line
     base = line.solve_at_rest(catenary_line.solve)
     exact = Unit("m", ROUNDING, 0.0), Unit("N", ROUNDING, 0.0)
@@ -244,7 +244,7 @@ def smallest_detectable_changes(result: RestAnswers) -> dict[str, float]:
             for row in compare_states(BothAnswers(base, base, changed, changed), *exact)
         }
 
-    return sensitivities.detectable_changes_by_gaps(line, result.rows, gaps_to)
+    return sensitivities.detectable_input_changes_by_gaps(line, result.rows, gaps_to)
 
 
 def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> None:

@@ -114,8 +114,8 @@ def _doubled_where_coarse(space: int, time: int, rows: Sequence[Agreement]) -> t
     return space, time
 
 
-def smallest_detectable_changes(result: MotionAnswers) -> dict[str, float]:
-    """Smallest relative change of each key that this check would detect, by one of the coarsest runs a key."""
+def detectable_input_changes(result: MotionAnswers) -> dict[str, float]:
+    """Smallest relative change of each input key that this check would detect, by one of the coarsest runs a key."""
     line = result.line
     first = LineRuns(ELEMENTS, line)
     base = _ladder_of_one_run(first.run(1, 1))
@@ -126,7 +126,7 @@ def smallest_detectable_changes(result: MotionAnswers) -> dict[str, float]:
         comparison = LineComparison(base, changed, reference_scales(line, result.moved), asked)
         return {(row.quantity, row.law): row.gap for row in comparison.rows() if row.bound.kind == "error bars"}
 
-    return sensitivities.detectable_changes_by_gaps(line, result.rows, gaps_to)
+    return sensitivities.detectable_input_changes_by_gaps(line, result.rows, gaps_to)
 
 
 def _ladder_of_one_run(run: LineRun) -> Ladder[LineRun]:

@@ -52,10 +52,10 @@ def _print_methods(methods: Mapping[str, Any]) -> None:
         terminal.print_text(f"    use: {method.use}")
         for key, setting in method.all_settings.items():
             if setting != common.get(key):
-                terminal.print_text(f"    {_setting_text(key, setting)}")
+                terminal.print_text(f"    {_setting_help_line(key, setting)}")
     terminal.print_text("all methods, unless said otherwise above", style="bold")
     for key, setting in common.items():
-        terminal.print_text(f"    {_setting_text(key, setting)}")
+        terminal.print_text(f"    {_setting_help_line(key, setting)}")
 
 
 def _print_files() -> int:
@@ -65,7 +65,7 @@ def _print_files() -> int:
     return 0
 
 
-def _setting_text(key: str, setting: Any) -> str:
+def _setting_help_line(key: str, setting: Any) -> str:
     named = isinstance(setting.default, str)
     allowed = "|".join(setting.allowed) if named else f"{setting.allowed[0]:g} to {setting.allowed[1]:g}"
     return f"{key}={setting.default}  {setting.meaning} ({allowed})"

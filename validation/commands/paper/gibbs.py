@@ -21,8 +21,8 @@ OVERSHOOT = SETTINGS["overshoot"]
 POSITIONS = np.linspace(*(OVERSHOOT["places"][end] for end in ("first", "last", "count")))
 
 
-def _run_for_tensions_beside_mass(system: GalerkinSystem | FollowingElements, distances: Array) -> Array:
-    """T at s_o -+ each distance (m,) when the mass passes each of POSITIONS, (positions, 2 m)."""
+def _tensions_beside_mass_at_positions(system: GalerkinSystem | FollowingElements, offsets: Array) -> Array:
+    """Run the system: T at s_o -+ each offset (m,) when the mass passes each of POSITIONS, (positions, 2 m)."""
     states: list[State] = []
     for x in integrate(system, scheme("trapezoidal"), step_times_by_phase(system, OVERSHOOT["steps"])):
         if system.motion.position_with_rates(x.t, x.phase)[0] >= POSITIONS[len(states)]:
@@ -32,7 +32,7 @@ def _run_for_tensions_beside_mass(system: GalerkinSystem | FollowingElements, di
     history = stack_states(states)
     out = []
     for i, s_o in enumerate(system.motion.position(history.t)):
-        s = np.r_[s_o - distances[::-1], s_o + distances]
+        s = np.r_[s_o - offsets[::-1], s_o + offsets]
         out.append(system.observe(history, s, np.array([i])).T_pointwise[0])
     return np.array(out)
 
@@ -55,11 +55,11 @@ def tension_overshoot(groups: Groups, method: str, terms: int) -> dict[str, floa
 
     size : mean over POSITIONS;  spread : standard error of the mean.
     """
-    distances = np.linspace(0.5, 2.0, 120) / terms
+    offsets = np.linspace(0.5, 2.0, 120) / terms
     basis: Basis = _wavelet_basis(terms) if method == "wavelet" else Fourier(terms)
-    reference = _run_for_tensions_beside_mass(FollowingElements(groups, elements=24, degree=2), distances)
+    reference = _tensions_beside_mass_at_positions(FollowingElements(groups, elements=24, degree=2), offsets)
     gap = np.abs(
-        _run_for_tensions_beside_mass(GalerkinSystem(groups, basis, kink=method.endswith("kink")), distances)
+        _tensions_beside_mass_at_positions(GalerkinSystem(groups, basis, kink=method.endswith("kink")), offsets)
         - reference
     )
     sizes = gap.max(axis=1)

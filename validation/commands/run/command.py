@@ -48,7 +48,7 @@ def command(
         others = {f"--{option}": given != CHOICES[option][0] for option, given in run_options.items()}
         others["--model"] = model not in ("full", QUASI_STATIC)
         others |= {"--method": method != METHOD, "--tol": tol is not None, "--no-bars": not bars}
-        points = options.line_points_from_options(options.with_limits(line, limits), set_, case, others)
+        points = options.line_points_from_options(options.with_limits_of_regulations(line, limits), set_, case, others)
         return _answer_and_report_lines(points, model == QUASI_STATIC, out, require)
     faults = [
         f"--{option} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[option])}"
@@ -56,7 +56,7 @@ def command(
     ]  # fmt: skip
     faults += options.tolerance_faults(tol)
     chosen = None if model == QUASI_STATIC else _find_method_noting_faults(method, tol, faults)
-    loaded = options.with_limits(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
+    loaded = options.with_limits_of_regulations(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
     points = options.grid_points_from_options(loaded, set_, case)
     if faults := [fault for point in points for fault in _run_faults(chosen, run_options, point, tol)]:
         raise store.Refused(list(dict.fromkeys(faults)))
