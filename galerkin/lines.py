@@ -115,9 +115,9 @@ class LineSines(System):
 
     def coordinates_with_rates(self, x: State) -> Array:
         """All coordinates of a state with their rates (3, layout.size)."""
-        return self._set_unknowns(self.prescribed_coordinates(x.t, x.phase), x.q, x.v, x.a)
+        return self._set_unknown_and_dependent_coordinates(self.prescribed_coordinates(x.t, x.phase), x.q, x.v, x.a)
 
-    def _set_unknowns(self, Z: Array, q: Array, v: Array, a: Array) -> Array:
+    def _set_unknown_and_dependent_coordinates(self, Z: Array, q: Array, v: Array, a: Array) -> Array:
         """Set the unknowns in Z (3, ..., layout.size), and what follows from them; return Z."""
         Z[..., self.equations.free] = q, v, a
         self.layout.set_dependent_coordinates(Z)
@@ -136,7 +136,9 @@ class LineSines(System):
         return self.residuals(np.array([t]), q[None], v[None], a[None], phase)[0]
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
-        Z = self._set_unknowns(self._prescribed_at_times(t, phase), q, v, a)  # (3, n, layout.size)
+        Z = self._set_unknown_and_dependent_coordinates(
+            self._prescribed_at_times(t, phase), q, v, a
+        )  # (3, n, layout.size)
         s = Z[0][:, self.layout.s]
         if not (s[:, 1:] > s[:, :-1]).all():
             return np.full(q.shape, np.nan)

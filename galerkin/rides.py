@@ -119,7 +119,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
             return
         car = self._car_by_slopes_without_thrust(x)
         past = np.concatenate([self._past, [[x.t, car.vx, car.vy]]])
-        first, *self._mean_acceleration = rolling.mean_acceleration_and_rate(past, 0, len(past) - 1, self._window)
+        first, *self._mean_acceleration = rolling.row_time_mean_acceleration_and_rate(
+            past, 0, len(past) - 1, self._window
+        )
         self._past = past[int(first) :]
 
     def hold_force(self, t: float) -> float:

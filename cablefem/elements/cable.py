@@ -22,7 +22,7 @@ from cablefem.elements.kernels.balance import (
     assemble_cable,
     set_mass_damping_stiffness,
 )
-from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve_in_place
+from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve_factored_in_place
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_newmark_steps
 from cablefem.elements.observing import MotionAtMass, StationFields, StationPoints
@@ -133,7 +133,7 @@ class CableElements(System):
         else:
             self._set_residual_and_tangent(t, phase, x, r, (float(c0), float(c1.real), float(c2.real)))
         factorise_in_place(*tangent)
-        return r, partial(solve_in_place, *tangent)
+        return r, partial(solve_factored_in_place, *tangent)
 
     def solve_step(self, t: float, phase: int, start: Array, end_out: Array, rule: Array, newton: Newton) -> StepResult:
         ends, results, _ = self._take_newmark_steps(np.array([t]), phase, start, rule[None], newton)

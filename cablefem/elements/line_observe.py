@@ -159,18 +159,18 @@ def _car_motions_and_powers(x: _History) -> tuple[tuple[CarMotion, ...], dict[st
         return (), {}
     k = np.array(system.cars)
     slots = system.s[k]
-    data = _car_loads_and_masses_over_time(x, x.q[:, slots], x.v[:, slots])
+    cars = _car_loads_and_masses_over_time(x, x.q[:, slots], x.v[:, slots])
     inputs = _car_force_inputs(x)
-    on = forces_on_cars(data, inputs)
+    on = forces_on_cars(cars, inputs)
     rows = x.ends[1][:, k - 1] + x.ends[0][:, k]
     trolleys = {trolley.i: trolley for trolley in system.trolleys}
     motions = []
     powers: dict[str, Array] = {}
     for i, car in enumerate(system.line.cars):
         if i in trolleys:
-            motion, of_car = _trolley_motion_and_powers(x, trolleys[i], data, rows[:, i])
+            motion, of_car = _trolley_motion_and_powers(x, trolleys[i], cars, rows[:, i])
         else:
-            motion, of_car = _point_car_motion_and_powers(x, i, data, inputs[:, i], on, rows[:, i])
+            motion, of_car = _point_car_motion_and_powers(x, i, cars, inputs[:, i], on, rows[:, i])
         motions.append(motion)
         powers |= {f"{car.name} {force}": power for force, power in of_car.items()}
     return tuple(motions), powers
@@ -190,7 +190,7 @@ def _car_force_inputs(x: _History) -> Array:
 
 
 def _point_car_motion_and_powers(
-    x: _History, i: int, data: CarLoadsAndMasses, inputs: Array, on: ForcesOnCars, row: Array
+    x: _History, i: int, cars: CarLoadsAndMasses, inputs: Array, on: ForcesOnCars, row: Array
 ) -> tuple[CarMotion, dict[str, Array]]:
     """Motion of car i, which stands on one contact, and its powers; inputs (n, INPUTS), and its row of s (n,)."""
     k, car = x.system.cars[i], x.system.line.cars[i]
@@ -198,20 +198,20 @@ def _point_car_motion_and_powers(
     ds, velocity = x.v[:, slot], inputs[:, 4:6]
     grips, hauled = car.drive_kind == "grip", car.drive.mode == "haul"
     point, along = x.contact_points(k, x.q), np.sum(on.tau[:, i] * velocity, axis=1)
-    turning = None if car.hanger is None else _swing_motion(inputs[:, 9:12], point, data.arm[i])
+    turning = None if car.hanger is None else _swing_motion(inputs[:, 9:12], point, cars.arm[i])
     powers = {}
     if not grips:
         powers["friction"] = on.stretch[:, i] * on.friction[:, i] * ds
         powers["drag"] = on.air_power[:, i]
     if turning is not None:
-        powers["swing"] = -data.resistance[i] * turning.rate**2
+        powers["swing"] = -cars.resistance[i] * turning.rate**2
     if grips:
         powers["grip"] = row * ds
     if hauled:
         powers["haul"] = on.haul[:, i] * along
     if car.drive_kind == "free":
-        powers["thrust"] = data.thrust[:, i] * along
-        powers["hold"] = on.stretch[:, i] * data.hold[:, i] * ds
+        powers["thrust"] = cars.thrust[:, i] * along
+        powers["hold"] = on.stretch[:, i] * cars.hold[:, i] * ds
     tension = [np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.end_forces)]
     from_rope = np.sum(x.behind_and_ahead(k, x.balance_rows), axis=0)
     none = np.full(x.t.size, np.nan)
@@ -253,13 +253,13 @@ def _force_on_shoe(car: Car, point: Array, missing_force: Array) -> Array:
 
 
 def _trolley_motion_and_powers(
-    x: _History, trolley: Trolley, data: CarLoadsAndMasses, row: Array
+    x: _History, trolley: Trolley, cars: CarLoadsAndMasses, row: Array
 ) -> tuple[CarMotion, dict[str, Array]]:
     """Motion of a car on two wheels, and its powers; row : of s of the front wheel (n,)."""
     car, pair = trolley.car, np.array([trolley.k - 1, trolley.k])
     P = x.balance_rows[1][:, pair - 1] + x.balance_rows[0][:, pair]
     n = x.t.size
-    on = trolley.forces(data, trolley.force_inputs((x.q, x.v, x.a), P.reshape(n, 4)))
+    on = trolley.forces(cars, trolley.force_inputs((x.q, x.v, x.a), P.reshape(n, 4)))
     rear, front = _wheel_motions(x, trolley, on.loads)
     angle, rate, angular_acceleration = (z[:, trolley.body[2]] for z in (x.q, x.v, x.a))
     turning = Turning(

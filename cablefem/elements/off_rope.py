@@ -24,7 +24,7 @@ class CarOffRope:
         self.grips = car.drive_kind == "grip"
         none = np.zeros(1)
         self.lever, arm, self.inertia, self.resistance = swing_constants(car, line.gravity)
-        self.data = CarLoadsAndMasses(
+        self.loads_and_masses = CarLoadsAndMasses(
             none + car.mass, none + car.drive.k, none + car.drive.wind, none, none, none, none, none,
             none + self.lever, none + arm, none + self.inertia, none + self.resistance, line.gravity, none,
         )  # fmt: skip
@@ -42,7 +42,7 @@ class CarOffRope:
         inputs[:, 0, 4:8] = points[:, 1:].reshape(-1, 4)
         if self.swing is not None:
             inputs[:, 0, 9:12] = z[..., self.swing].T
-        return forces_on_cars(self.data, inputs)
+        return forces_on_cars(self.loads_and_masses, inputs)
 
     def add_rows(self, rows: Array, t: Array, z: Array, phase: int) -> None:
         """Add to rows (n, size) at the times t (n,)."""

@@ -115,7 +115,7 @@ class Trolley:
     def forces(self, cars: CarLoadsAndMasses, inputs: Any) -> TrolleyForces:
         """Forces on the car, and rows.
 
-        inputs : (INPUTS, ...), which may be complex;  cars : data of all of them (..., cars).
+        inputs : (INPUTS, ...), which may be complex;  cars : of all of them (..., cars).
         """
         drive, i, w, m = self.car.drive, self.i, self.wheels, self.car.mass
         y = inputs.tolist() if inputs.ndim == 1 else inputs  # plain numbers are faster

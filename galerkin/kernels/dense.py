@@ -64,7 +64,7 @@ def set_lu_factors(K: Any, factors: Any) -> None:
 
 
 @inner
-def solve_in_place(factors: Any, x: Any) -> None:
+def solve_factored_in_place(factors: Any, x: Any) -> None:
     """Overwrite x (n,) by K^-1 x."""
     columns, pivots = factors
     n = pivots.size

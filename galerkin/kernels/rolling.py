@@ -30,7 +30,7 @@ FREE = 1
 HAULED = 2
 MIN_TENSION = 1e-3  # over H, of a taut cable
 STEP = 1e-6  # of difference quotients
-MIN_WINDOW = 6.0  # [steps] shortest window of `mean_acceleration_and_rate`
+MIN_WINDOW = 6.0  # [steps] shortest window of `row_time_mean_acceleration_and_rate`
 
 
 class CarLoads(NamedTuple):
@@ -87,9 +87,9 @@ class CarHistory(NamedTuple):
 
     t: Array  # (m,) times at which the steps are balanced; (0,): one step without events
     thrust: Array  # (m,) there
-    past: Array  # (k + m, 3) for `mean_acceleration_and_rate`, m rows still empty
+    past: Array  # (k + m, 3) for `row_time_mean_acceleration_and_rate`, m rows still empty
     window: float
-    mean_acceleration: Array  # (6,) result of `mean_acceleration_and_rate` for the last step; zeros at first
+    mean_acceleration: Array  # (6,) result of `row_time_mean_acceleration_and_rate` for the last step; zeros at first
     low: float  # event: s_o leaves (low, high)
     high: float
     sign: float  # event: ds_o loses this sign; 0: it may turn
@@ -163,7 +163,9 @@ def hat_overlap_on_side(terms: InertiaTerms, side: int, k: int) -> float:
 
 
 @inner
-def car_motion_and_slopes(at_mass: MassTerms, coefficients: Coefficients, sigma: float) -> tuple[Array, Array, Array]:
+def car_velocity_acceleration_and_slopes(
+    at_mass: MassTerms, coefficients: Coefficients, sigma: float
+) -> tuple[Array, Array, Array]:
     """p., p.. (2,), and r' of both sides (2, 2) by the slopes of the basis."""
     terms = at_mass.inertia
     last = terms.f.size - 1
@@ -185,14 +187,14 @@ def car_motion_and_slopes(at_mass: MassTerms, coefficients: Coefficients, sigma:
 
 
 @inner
-def car_motion_and_equilibrium_slopes(
+def car_motion_equilibrium_slopes_and_ratios(
     at_mass: MassTerms, coefficients: Coefficients, side_forces: Array, cable: Cable
 ) -> tuple[Array, Array, Array, Array]:
-    """`car_motion_and_slopes` with r' by the tension from equilibrium, and lam/N of both sides (2,).
+    """`car_velocity_acceleration_and_slopes` with r' by the tension from equilibrium, and lam/N of both sides (2,).
 
     Slopes of sines are inaccurate on a short side.  side_forces : of `Workspace`
     """
-    velocity, p, slopes = car_motion_and_slopes(at_mass, coefficients, cable.sigma)
+    velocity, p, slopes = car_velocity_acceleration_and_slopes(at_mass, coefficients, cable.sigma)
     terms = at_mass.inertia
     ds_o = at_mass.ds_o
     ratios = np.empty(2)
@@ -226,7 +228,7 @@ def past_velocity_at(past: Array, first: int, t: float) -> tuple[float, float]:
 
 
 @compiled
-def mean_acceleration_and_rate(
+def row_time_mean_acceleration_and_rate(
     past: Array, first: int, last: int, min_window: float
 ) -> tuple[float, float, float, float, float, float]:
     """The car's mean acceleration from its velocities over a window, and its rate.
@@ -262,7 +264,7 @@ def add_inertia_and_rolling_car(
     R: Array,
 ) -> Car:  # fmt: skip
     """Add the cable's inertia and the car to R (2, n); return the car."""
-    velocity, p, slopes, _ = car_motion_and_equilibrium_slopes(at_mass, coefficients, side_forces, cable)
+    velocity, p, slopes, _ = car_motion_equilibrium_slopes_and_ratios(at_mass, coefficients, side_forces, cable)
     car = compiled_car_from_motion(loads, thrust, velocity, p, slopes)
     p[0] = car.Cx
     p[1] = car.Cy
@@ -290,7 +292,7 @@ def defect_derivatives_by_forces(
     defect: float,
 ) -> Array:  # fmt: skip
     """Derivative of the defect by the forces N t of both sides, (2, 2), by differences."""
-    velocity, p, slopes, ratios = car_motion_and_equilibrium_slopes(at_mass, coefficients, side_forces, cable)
+    velocity, p, slopes, ratios = car_motion_equilibrium_slopes_and_ratios(at_mass, coefficients, side_forces, cable)
     out = np.empty((2, 2))
     for side in range(2):
         rx = slopes[side, 0]
@@ -418,7 +420,9 @@ def complete_tangent_with_car(
 def car_by_slopes_without_thrust(loads: CarLoads, sines: CableSines, kinematics: Kinematics, state: Array) -> Car:
     """The car at a state, rows q, v, a, by the slopes of the basis and without thrust."""
     coefficients = coefficients_of_state(state, sines.left.size + 1)
-    velocity, p, slopes = car_motion_and_slopes(mass_terms(sines, kinematics), coefficients, sines.cable.sigma)
+    velocity, p, slopes = car_velocity_acceleration_and_slopes(
+        mass_terms(sines, kinematics), coefficients, sines.cable.sigma
+    )
     return compiled_car_from_motion(loads, 0.0, velocity, p, slopes)
 
 
@@ -432,7 +436,7 @@ def ride_of_step(ride: Ride | None, history: CarHistory | None, rule: Array, i: 
     past[newest, 0] = history.t[i] - rule[0, 4] * rule[0, 1]
     past[newest, 1] = car.vx
     past[newest, 2] = car.vy
-    mean = mean_acceleration_and_rate(past, int(history.mean_acceleration[0]), newest, history.window)
+    mean = row_time_mean_acceleration_and_rate(past, int(history.mean_acceleration[0]), newest, history.window)
     for k in range(6):
         history.mean_acceleration[k] = mean[k]
     return ride_at_time(ride, history.mean_acceleration, history.t[i], history.thrust[i])
@@ -454,7 +458,7 @@ def car_at_step_end(
 
 @inner
 def ride_at_time(ride: Ride, mean_acceleration: Array, t: float, thrust: float) -> Ride:
-    """`Ride` at t, with the mean acceleration (6,) of `mean_acceleration_and_rate` extrapolated to t."""
+    """`Ride` at t, with the mean acceleration (6,) of `row_time_mean_acceleration_and_rate` extrapolated to t."""
     d = t - mean_acceleration[1]
     loads = ride.loads
     ax = mean_acceleration[2] + d * mean_acceleration[4]

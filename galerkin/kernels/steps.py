@@ -15,7 +15,7 @@ from galerkin.kernels.cable import (
     set_forces_return_energy,
     set_tangent_with_gripping_mass,
 )
-from galerkin.kernels.dense import allocate_lu_factors, set_lu_factors, solve_in_place
+from galerkin.kernels.dense import allocate_lu_factors, set_lu_factors, solve_factored_in_place
 from galerkin.kernels.instant import (
     CableSines,
     Instant,
@@ -125,7 +125,7 @@ def set_residual_and_derivatives(
 
 
 @inner
-def set_residual_inside_step(now: Instant, step: Step) -> tuple[Instant, Car, float]:
+def set_residual_return_instant_car_norm(now: Instant, step: Step) -> tuple[Instant, Car, float]:
     """Evaluate w end + (1 - w) begin, w of the rule; return `Instant`, car and |r|, NaN off the cable."""
     workspace = step.workspace
     for k in range(3):
@@ -191,7 +191,7 @@ def correct_end_until_residual_falls(
     norm = math.inf
     for _ in range(newton.halvings + 1):
         correct_end(step.rule, step.end, step.workspace.step, fraction)
-        now, car, norm = set_residual_inside_step(now, step)
+        now, car, norm = set_residual_return_instant_car_norm(now, step)
         evaluations += 1
         if norm < norm_before or (iterations < newton.patience and norm < math.inf):
             break
@@ -209,7 +209,7 @@ def solve_step(now: Instant, step: Step, newton: Newton) -> tuple[float, int, in
     workspace = step.workspace
     c = rule[0, 4] * rule[0, 3], rule[1, 4] * rule[1, 3], rule[2, 4] * rule[2, 3]
     set_predicted_end(rule, step.begin, step.end)
-    now, car, norm = set_residual_inside_step(now, step)
+    now, car, norm = set_residual_return_instant_car_norm(now, step)
     iterations = 0
     factorisations = 0
     evaluations = 0
@@ -222,7 +222,7 @@ def solve_step(now: Instant, step: Step, newton: Newton) -> tuple[float, int, in
             set_tangent(now, step.ride, step.sines, workspace, car, c)
             set_lu_factors(workspace.K, workspace.factors)
         copy_into(workspace.r, workspace.step)
-        solve_in_place(workspace.factors, workspace.step)
+        solve_factored_in_place(workspace.factors, workspace.step)
         before = norm
         now, car, norm, tried = correct_end_until_residual_falls(now, step, newton, before, iterations)
         evaluations += tried

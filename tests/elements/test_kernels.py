@@ -7,7 +7,7 @@ from numpy.polynomial import Polynomial
 
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
-from cablefem.elements.kernels.banded import factorise_in_place, solve_in_place
+from cablefem.elements.kernels.banded import factorise_in_place, solve_factored_in_place
 from cablefem.elements.observing import observe_cable
 from cablefem.elements.reference import reference_mesh, shape_polynomial_coefficients
 from cablefem.newmark import State
@@ -133,11 +133,11 @@ def test_the_solution_of_a_singular_tangent_is_no_number(kind, row):
         ab[row, 3], x, bordered = 0.0 if singular else 2.0, b.copy(), np.ones(7, kind)
         for matrix, edge, y in ((ab.copy(), None, x), (ab.copy(), border.copy(), bordered)):
             factorise_in_place(matrix, edge)
-            solve_in_place(matrix, edge, y)
+            solve_factored_in_place(matrix, edge, y)
             assert np.isfinite(y).all() != singular
     ab[row, 3], border[0, 6] = 2.0, 0.0
     factorise_in_place(ab, border)
-    solve_in_place(ab, border, bordered)
+    solve_factored_in_place(ab, border, bordered)
     assert not np.isfinite(bordered).any()
 
 
@@ -155,5 +155,5 @@ def test_a_banded_tangent_with_its_border_is_solved(kind):
     b = rng.standard_normal(n + 1).astype(kind)
     x = b.copy()
     factorise_in_place(ab, border)
-    solve_in_place(ab, border, x)
+    solve_factored_in_place(ab, border, x)
     np.testing.assert_allclose(A @ x, b, atol=1e-13)

@@ -317,15 +317,15 @@ def design_gap_rows(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreemen
         yield Agreement("design gap", gap / size, bound, law=number["quantity"], required=tolerance, decides=False)
 
 
-def _number_of_extreme(name: str, signal: Signal, r: Response, ladder: Ladder | None) -> Number | None:
+def _number_of_extreme(quantity: str, signal: Signal, r: Response, ladder: Ladder | None) -> Number | None:
     """The extreme of a signal, a force with its peak; None: there is none inside the range.
 
     Of a clearance without samples the row of an unknown value.
     """
-    unit = unit_of(name)
+    unit = unit_of(quantity)
     extreme = signal.extreme(r)
     if extreme is None:
-        return _design_row(name, None, math.inf, unit) if name.startswith("clearance_") else None
+        return _design_row(quantity, None, math.inf, unit) if quantity.startswith("clearance_") else None
     if signal.quantity.inner and _is_at_end_of_time_or_cable(extreme, r, signal.time_span):
         return None
     bar = math.inf
@@ -343,7 +343,7 @@ def _number_of_extreme(name: str, signal: Signal, r: Response, ladder: Ladder | 
         if ladder is not None and not _scheme_damps_axial_waves(r):  # else coarser runs do not show their error
             bar_peak = _bar_of_extreme(raw, extreme, signal.period, ladder, FIRST)
         where |= {"peak": raw.extreme_value_or_nan(r), "bar_peak": nulls_for_nonfinite(bar_peak)}
-    return _design_row(name, extreme.value, bar, unit, **where)
+    return _design_row(quantity, extreme.value, bar, unit, **where)
 
 
 def _scheme_damps_axial_waves(r: Response) -> bool:

@@ -22,7 +22,7 @@ Window = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Windows:
+class TimeWindows:
     """Ends of the time windows [s] of the laws, the same for all runs of a ladder."""
 
     frames: Array  # (k,) for laws of the cable
@@ -30,8 +30,8 @@ class Windows:
     far: float = 1.0  # s_o/l that all these runs reach
 
     @classmethod
-    def over_part_of_run(cls, r: Response, window: Window, until: float = math.inf) -> Windows:
-        """Windows over a part of a run, s_o/l of a prescribed travel; of a free ride all up to a time [s]."""
+    def over_part_of_run(cls, r: Response, window: Window, until: float = math.inf) -> TimeWindows:
+        """Time windows over a part of a run, s_o/l of a prescribed travel; of a free ride all up to a time [s]."""
         begin = 0.0
         end = min(until, float(r.t[-1]))
         if r.drive != "free":
@@ -72,7 +72,7 @@ class CableIntegrals(NamedTuple):
 class Evidence:
     """A response over time windows, and its scene's numbers."""
 
-    def __init__(self, r: Response, windows: Windows) -> None:
+    def __init__(self, r: Response, windows: TimeWindows) -> None:
         self.r = r
         self.windows = windows
         self.data = SceneData(r.scene_toml, r.length)

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from cablefem.response import Array, Response
 from validation.core import rest, timetable
 from validation.core.agreement import Agreement, Bound, BoundPart
-from validation.core.evidence import Evidence, Side, Window, Windows, cross_product
+from validation.core.evidence import Evidence, Side, TimeWindows, Window, cross_product
 from validation.core.order import FIRST, SAFETY, error_bar
 from validation.core.scene_data import ROUNDING, ordinate_on_unit_slope
 
@@ -81,7 +81,7 @@ class _EvidenceOfLadder:
 
     def __init__(self, ladder: Any, window: Window, until: float) -> None:
         self.ladder = ladder
-        windows = Windows.over_part_of_run(ladder.finest, window, until)
+        windows = TimeWindows.over_part_of_run(ladder.finest, window, until)
         windows = replace(windows, far=min(r.reached for r in ladder.runs))
         self.by_run = {id(r): Evidence(r, windows) for r in ladder.runs}
         self.finest = self.by_run[id(ladder.finest)]

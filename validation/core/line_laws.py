@@ -108,14 +108,17 @@ class LineAtRest(LineData):
         x = self.x_of_car(car, position)
         return next((c for c in self.contacts if abs(x - c["at"][0]) <= c.get("shoe", -1.0)), None)
 
-    def stations(self, position: int | None, on_rope: Mapping[str, float] | None = None) -> list[Station]:
-        """Stations at position i, None of the empty line; on_rope : x of cars that a shoe does not carry."""
+    def contact_stations(self) -> list[Station]:
+        """Stations of the empty line, in order of x."""
         stations = [Station(c["name"], c["kind"], c["at"][0], c["at"][1], c) for c in self.contacts]
-        if position is not None:
-            hanging = [car for car in self.cars if self.saddle_under_car(car, position) is None]
-            x_of_name = {car["name"]: self.x_of_car(car, position) for car in hanging} | dict(on_rope or {})
-            cars = [car for car in self.cars if car["name"] in x_of_name]
-            stations += [self._station_of_car(car, x_of_name[car["name"]]) for car in cars]
+        return sorted(stations, key=lambda station: station.x)
+
+    def stations_at_position(self, i: int, cars_on_rope_at_x: Mapping[str, float] | None = None) -> list[Station]:
+        """Stations with the cars at position i; cars_on_rope_at_x : of cars that a shoe does not carry."""
+        hanging = [car for car in self.cars if self.saddle_under_car(car, i) is None]
+        x_of_name = {car["name"]: self.x_of_car(car, i) for car in hanging} | dict(cars_on_rope_at_x or {})
+        cars = [car for car in self.cars if car["name"] in x_of_name]
+        stations = [*self.contact_stations(), *(self._station_of_car(car, x_of_name[car["name"]]) for car in cars)]
         return sorted(stations, key=lambda station: station.x)
 
     def _station_of_car(self, car: dict[str, Any], x: float) -> Station:
@@ -191,9 +194,9 @@ class RopeAtRest:
 
 def _ropes_of_all_states(data: LineAtRest, rest: StatesAtRest) -> Iterator[tuple[str, RopeAtRest]]:
     """All states of a line, with their names: empty, by position, with a car at an end of a shoe."""
-    yield "empty", RopeAtRest(data, rest.empty, data.stations(None), empty=True)
+    yield "empty", RopeAtRest(data, rest.empty, data.contact_stations(), empty=True)
     for i, state in rest.states.items():
-        yield f"position {i + 1}", RopeAtRest(data, state, data.stations(i))
+        yield f"position {i + 1}", RopeAtRest(data, state, data.stations_at_position(i))
     for i, name in rest.shoe_ends:
         for rope in _ropes_at_shoe_ends(data, rest, i, name):
             yield f"position {i + 1}, {name} at an end of the shoe", rope
@@ -205,7 +208,7 @@ def _ropes_at_shoe_ends(data: LineAtRest, rest: StatesAtRest, position: int, car
     assert saddle is not None
     ends = (saddle["at"][0] - saddle["shoe"], saddle["at"][0] + saddle["shoe"])
     states = rest.shoe_ends[position, car_name]
-    stations = [data.stations(position, {car_name: x}) for x in ends]
+    stations = [data.stations_at_position(position, {car_name: x}) for x in ends]
     return [RopeAtRest(data, *pair) for pair in zip(states, stations, strict=True)]
 
 
@@ -308,7 +311,7 @@ def numbers_by_position(toml: str, rest: StatesAtRest) -> list[PositionNumbers |
 
 
 def _numbers_at_position(data: LineAtRest, rest: StatesAtRest, position: int) -> PositionNumbers:
-    rope = RopeAtRest(data, rest.states[position], data.stations(position))
+    rope = RopeAtRest(data, rest.states[position], data.stations_at_position(position))
     row: PositionNumbers = {"position": position + 1}
     for car in data.cars:
         row |= _numbers_at_car(data, rest, rope, position, car)
@@ -536,8 +539,8 @@ def _note_gaps_of_profile(gaps: LargestGaps, data: LineAtRest, rest: StatesAtRes
     table = _read_csv_rows(folder / "profile.csv")
     drawn = json.loads((folder / "ropes.json").read_text(encoding="utf-8"))
     x = np.array([float(row["x"]) for row in table])
-    ropes = {i: RopeAtRest(data, state, data.stations(i)) for i, state in rest.states.items()}
-    empty = RopeAtRest(data, rest.empty, data.stations(None), empty=True)
+    ropes = {i: RopeAtRest(data, state, data.stations_at_position(i)) for i, state in rest.states.items()}
+    empty = RopeAtRest(data, rest.empty, data.contact_stations(), empty=True)
     columns = _expected_profile(list(ropes.values()), empty, x)
     rounding = ROUNDING * float(np.ptp(x))
     for name, expected in columns.items():

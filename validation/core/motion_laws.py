@@ -443,9 +443,9 @@ class _LineFiles:
             out[f"load:{x.name}"] = list(x.pressure.T)
         return out
 
-    def _rope_stresses_at_wheels(self, name: str, path: dict[str, Array]) -> dict[str, list[Array]]:
+    def _rope_stresses_at_wheels(self, car_name: str, path: dict[str, Array]) -> dict[str, list[Array]]:
         """Of the rope behind the rear and ahead of the front wheels of a car, by kind."""
-        wheels = self.line.cars[name].get("wheels", {})
+        wheels = self.line.cars[car_name].get("wheels", {})
         out: dict[str, list[Array]] = {}
         if not wheels:
             return out
@@ -462,11 +462,11 @@ COLUMN_OF_QUANTITY = {
 }  # fmt: skip
 
 
-def _averaged_if_force(name: str, values: Any, t: Array, period: float) -> Array:
+def _averaged_if_force(kind: str, values: Any, t: Array, period: float) -> Array:
     """Series (k, n) of a kind; those of forces averaged over a period, "load" as the length of its vector."""
-    if name.startswith(("tension", "haul", "grip", "contact", "load", "wheel", "stress")):
+    if kind.startswith(("tension", "haul", "grip", "contact", "load", "wheel", "stress")):
         values = [_moving_mean(t, v, period) for v in values]
-    return np.array([np.hypot(*values)] if name == "load" else values)
+    return np.array([np.hypot(*values)] if kind == "load" else values)
 
 
 def _wheel_loads_by_hand(line: LineTables, car: Any, motion: Any) -> dict[str, Array]:

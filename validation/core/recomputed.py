@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
-from validation.core.evidence import Evidence, Windows, cross_product, cumulative_integral
+from validation.core.evidence import Evidence, TimeWindows, cross_product, cumulative_integral
 from validation.core.measures import (
     JUMP_WIDTH,
     last_time_valid_in_all,
@@ -456,7 +456,7 @@ def quasi_static_energy_row(r: Response) -> Agreement:
     The car has kinetic energy, the rope has none. The gap is over the car's weight times the range of its depth, or
     times its deflection where it hardly moves.
     """
-    evidence = Evidence(r, Windows(r.fields.t[::2], r.t))
+    evidence = Evidence(r, TimeWindows(r.fields.t[::2], r.t))
     gap = _relative_unexplained_energy(evidence)
     thin = evidence.without_every_second_step().without_every_second_station_and_frame()
     sampling = float(np.abs(gap - _relative_unexplained_energy(thin)).max())

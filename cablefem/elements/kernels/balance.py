@@ -363,7 +363,7 @@ def add_chord_force(cable: Cable, s_o: float, q: Array, r: Array, tangent: Tange
     band = ab.shape[1] // 2
     column = border[0]
     row = border[1]
-    eps = set_chord_slopes(cable, s_o, q)
+    eps = set_chord_slopes_return_strain(cable, s_o, q)
     N, dN, _ = tension_stiffness_energy(eps, T_chord, alpha, cable.law[5])
     total = factors[0] + factors[1] + factors[2]  # scales the last row: linear in the factors
     if wants:
@@ -393,7 +393,7 @@ def add_chord_force(cable: Cable, s_o: float, q: Array, r: Array, tangent: Tange
 
 
 @inner
-def set_chord_slopes(cable: Cable, s_o: float, q: Array) -> float:
+def set_chord_slopes_return_strain(cable: Cable, s_o: float, q: Array) -> float:
     """Set w' and y_n' + kap w' at `points` 0 and 1 of a one-field model; return eps of `add_chord_force`."""
     curvature, lam, kap = cable.law[2], cable.law[3], cable.law[4]
     dofs = cable.mesh.dofs

@@ -55,12 +55,15 @@ def factorise_band_in_place(ab: Array) -> None:
 
 
 @compiled
-def solve_in_place(ab: Array, border: Array | None, b: Array) -> Array:
-    """Overwrite b with the solution by factors, and return it; b without an entry for the border counts as 0 there."""
-    solve_factored_band_in_place(ab, b)
+def solve_factored_in_place(factors: Array, border: Array | None, b: Array) -> Array:
+    """Overwrite b with the solution, and return it; factors, border : of `factorise_in_place`.
+
+    b without an entry for the border counts as 0 there.
+    """
+    solve_factored_band_in_place(factors, b)
     if border is None:
         return b
-    n = ab.shape[0]
+    n = factors.shape[0]
     row = border[1]
     solved = border[2]
     last = b[n] if b.size > n else 0.0 * b[0]

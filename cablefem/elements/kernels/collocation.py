@@ -17,7 +17,7 @@ from cablefem.elements.kernels.balance import (
     set_mass_damping_stiffness,
     side_begin_and_length,
 )
-from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve_in_place
+from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve_factored_in_place
 from cablefem.elements.kernels.car import CarOnMesh, is_before_event
 from cablefem.elements.kernels.newton import NO_TANGENT, assemble_balance
 from cablefem.newmark import Array, Newton, Tableau
@@ -118,7 +118,7 @@ def solve_collocation_step(
     anew = not old
     iterations = 0
     factorisations = 0
-    norm = set_states_and_residuals(cable, rolling_car, workspace, step, result)
+    norm = set_states_and_residuals_return_norm(cable, rolling_car, workspace, step, result)
     result[3] = 0  # counts those of corrections
     before = math.inf
     while iterations < newton.max_iter:
@@ -134,7 +134,7 @@ def solve_collocation_step(
         fraction = 1.0
         for _ in range(newton.halvings + 1):
             subtract_scaled(fraction, workspace.da, step.a)
-            norm = set_states_and_residuals(cable, rolling_car, workspace, step, result)
+            norm = set_states_and_residuals_return_norm(cable, rolling_car, workspace, step, result)
             if old or norm < limit:
                 break
             fraction = -0.5 if fraction == 1.0 else 0.5 * fraction  # takes half of the correction back
@@ -143,7 +143,7 @@ def solve_collocation_step(
             break
         if old and not norm < before:
             subtract_scaled(-1.0, workspace.da, step.a)
-            norm = set_states_and_residuals(cable, rolling_car, workspace, step, result)
+            norm = set_states_and_residuals_return_norm(cable, rolling_car, workspace, step, result)
         elif not old and cannot_converge(norm, before, iterations, newton):
             break
     forget_slow_factors(workspace, norm, before, newton)
@@ -169,7 +169,7 @@ def cannot_converge(norm: float, before: float, iterations: int, newton: Newton)
 
 
 @inner
-def set_states_and_residuals(
+def set_states_and_residuals_return_norm(
     cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, result: Array
 ) -> float:
     """Set states and residuals of the nodes, and the least tension at the last one; return |r| of all."""
@@ -345,7 +345,7 @@ def add_real_mode(workspace: Workspace, rule: Tableau, k: int) -> None:
         along[j] = 0.0
         for i in range(s):
             along[j] += rule.to_modes[k, i].real * workspace.r[i, j]
-    solve_in_place(workspace.real.ab, workspace.real.border, along)
+    solve_factored_in_place(workspace.real.ab, workspace.real.border, along)
     for i in range(s):
         for j in range(n):
             da[i, j] += rule.from_modes[i, k].real * along[j]
@@ -364,7 +364,7 @@ def add_complex_mode(workspace: Workspace, rule: Tableau, k: int) -> None:
             x += rule.to_modes[k, i].real * workspace.r[i, j]
             y += rule.to_modes[k, i].imag * workspace.r[i, j]
         along[j] = complex(x, y)
-    solve_in_place(workspace.complex_pair.ab, workspace.complex_pair.border, along)
+    solve_factored_in_place(workspace.complex_pair.ab, workspace.complex_pair.border, along)
     for i in range(s):
         x = rule.from_modes[i, k].real
         y = rule.from_modes[i, k].imag

@@ -15,7 +15,7 @@ from cablefem.elements.kernels.balance import (
     assemble_cable,
     set_mass_damping_stiffness,
 )
-from cablefem.elements.kernels.banded import Tangent, dot, factorise_in_place, solve_in_place
+from cablefem.elements.kernels.banded import Tangent, dot, factorise_in_place, solve_factored_in_place
 from cablefem.elements.kernels.car import CarOnMesh, assemble_with_car, is_before_event
 from cablefem.newmark import Array, Newton
 
@@ -105,7 +105,7 @@ def solve_newmark_step(
             factorise_in_place(tangent.ab, tangent.border)
             result[2] += 1
         before = norm
-        solve_in_place(tangent.ab, tangent.border, r)
+        solve_factored_in_place(tangent.ab, tangent.border, r)
         workspace.da[:] = r
         result[1] = iteration + 1
         limit = math.inf if iteration < patience else before

@@ -85,20 +85,24 @@ def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events:
             yield f"{name}: none of its limits is printed"
 
 
-def _is_limit_stated(demand: str, row: Row, scene: Row, texts: Iterable[Row]) -> bool:
-    """Whether the scene, or a rule of a text, states the limit of a row."""
+def _is_limit_stated(demand: str, row: Row, scene: Row, regulations: Iterable[Row]) -> bool:
+    """Whether the scene, or a rule of a regulation, states the limit of a row."""
     if row["source"] == "the scene":
         return bool(scene.get("limits", {}).get(demand) == row["limit"])
-    return any(_row_follows_rule(row, demand, rule, text, scene) for text in texts for rule in text["limit"])
+    return any(
+        _row_follows_rule(row, demand, rule, regulation, scene)
+        for regulation in regulations
+        for rule in regulation["limit"]
+    )
 
 
-def _row_follows_rule(row: Row, demand: str, rule: Row, text: Row, scene: Row) -> bool:
-    """Whether a row states a rule of a text, which is for this obstacle and for what the scene says."""
+def _row_follows_rule(row: Row, demand: str, rule: Row, regulation: Row, scene: Row) -> bool:
+    """Whether a row states a rule of a regulation, which is for this obstacle and for what the scene says."""
     same = rule["demand"] == demand and rule["limit"] == row["limit"]
     kind = _kinds_of_obstacles_and_ground(scene).get(row["demand"].removeprefix(OVER))
     fits = rule.get("kind") in (None, kind) or kind is None
     applies = rule.get("when") in (None, *scene["limits"].get("when", []))
-    return same and fits and applies and row["source"] == f"{text['source']}, {rule['clause']}"
+    return same and fits and applies and row["source"] == f"{regulation['source']}, {rule['clause']}"
 
 
 def _kinds_of_obstacles_and_ground(scene: Row) -> dict[str, str | None]:
