@@ -95,11 +95,11 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
     return LineMotion(
         t=x.t, cars=cars, contacts=contacts_with_shoe_forces(system.line, cars, contacts),
         s=s, points=points, tension=tension,
-        kinetic=kinetic, strain=_strain_energy(x), potential=potential, powers=powers,
+        kinetic=kinetic, strain=_rope_and_spring_energy(x), potential=potential, powers=powers,
     )  # fmt: skip
 
 
-def _strain_energy(x: _History) -> Array:
+def _rope_and_spring_energy(x: _History) -> Array:
     """Energy (n,) [J] of the rope and of springs at its ends."""
     energy = x.integral_over_rope(x.points.W)
     for k in (0, -1):

@@ -47,7 +47,7 @@ def coordinates_at_rest(
     return q
 
 
-def coordinates_with_zero_rates(system: LineBalance, q: Array) -> Coordinates:
+def coordinates_with_forces_and_zero_rates(system: LineBalance, q: Array) -> Coordinates:
     """All coordinates at rest at q (size,); F/M acts as the acceleration of its slot."""
     z = np.zeros((3, system.size))
     z[0], z[2, system.force] = q, q[system.force]
@@ -78,7 +78,7 @@ def _solve_rest_by_newton(
     moving[system.force] = False
 
     def rows(q: Array) -> Array:
-        return system.balance_rows(t, coordinates_with_zero_rates(system, q), phase, rope_and_cars)[free]
+        return system.balance_rows(t, coordinates_with_forces_and_zero_rates(system, q), phase, rope_and_cars)[free]
 
     def damped_step(q: Array, step: Array, before: float) -> tuple[Array, Array, float]:
         """q and its rows after the fraction of a step that makes the rows smaller, and that fraction."""
@@ -95,7 +95,9 @@ def _solve_rest_by_newton(
 
     r = rows(q)
     for _ in range(60):  # of a stage
-        solve = system.tangent_solver(coordinates_with_zero_rates(system, q), rope_and_cars, (1.0, 0.0, 0.0), free)
+        solve = system.tangent_solver(
+            coordinates_with_forces_and_zero_rates(system, q), rope_and_cars, (1.0, 0.0, 0.0), free
+        )
         step = np.zeros(system.size)
         step[free] = solve(r)
         q, r, fraction = damped_step(q, step, float(np.linalg.norm(r)))

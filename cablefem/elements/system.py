@@ -78,7 +78,7 @@ class LineElements(LineBalance):
         from cablefem.elements.rest import (
             car_loads_and_masses_at_rest,
             coordinates_at_rest,
-            coordinates_with_zero_rates,
+            coordinates_with_forces_and_zero_rates,
         )
 
         q, v = coordinates_at_rest(self, t, phase), np.zeros(self.size)
@@ -86,10 +86,10 @@ class LineElements(LineBalance):
             before, after = (coordinates_at_rest(self, t, phase, shift, q) for shift in (-SHIFT, SHIFT))
             v = (after - before) / (2.0 * SHIFT)
         if self.cars:
-            self._release_free_cars(
-                t, phase, coordinates_with_zero_rates(self, q), car_loads_and_masses_at_rest(self, t, phase)
+            self._release_free_cars_or_raise_if_held(
+                t, phase, coordinates_with_forces_and_zero_rates(self, q), car_loads_and_masses_at_rest(self, t, phase)
             )
-        rows = self.balance_rows(t, coordinates_with_zero_rates(self, q), phase)
+        rows = self.balance_rows(t, coordinates_with_forces_and_zero_rates(self, q), phase)
         slack, *pressures = self._min_tension_and_saddle_pressures(rows, self.loads[0])
         if min(slack, *pressures, 0.0) < 0.0:
             cause = f"at rest the smallest tension is {slack:.6g} N and the smallest pressure on a saddle"
@@ -106,7 +106,9 @@ class LineElements(LineBalance):
             if car.travel:
                 self.signs[i] = self.line.travel_direction(car, phase)
 
-    def _release_free_cars(self, t: float, phase: int, x: Coordinates, held: CarLoadsAndMasses) -> None:
+    def _release_free_cars_or_raise_if_held(
+        self, t: float, phase: int, x: Coordinates, held: CarLoadsAndMasses
+    ) -> None:
         """Let free cars go; they must move against friction."""
         self.hold[:] = 0.0
         slots = self.s[self.cars]

@@ -68,13 +68,13 @@ def gripped_rest(s: Any, groups: Groups) -> Rest:
     weight = np.tile([0.0, -groups.mu * groups.sigma], (s.size, 1))
     x = _TwoPieceStatics(s, weight, groups)
     behind, ahead = x.sides
-    _, A = x.slope_integrals()
+    _, A = x.spans_and_derivatives_by_force()
     z = -_solve_each(A, behind.slope - ahead.slope)  # d(left)/ds (n, 2)
     bent = (
         behind.by_s - ahead.by_s + 2.0 * _multiply_each(behind.by_n - ahead.by_n, z) + x.second_derivative_integral(z)
     )
     zz = -_solve_each(A, bent)  # d2(left)/ds2 (n, 2)
-    point, B = x.slope_integrals(x.behind)
+    point, B = x.spans_and_derivatives_by_force(x.behind)
     along = behind.slope + _multiply_each(B, z)
     bend = (
         behind.by_s
@@ -112,7 +112,7 @@ def hauled_rest(s: Any, groups: Groups) -> Rest:
             break
     else:
         raise NoRest("no direction of the rope that holds the car was found")
-    point, _ = x.slope_integrals(x.behind)
+    point, _ = x.spans_and_derivatives_by_force(x.behind)
     if s.size <= 3:
         unknown = np.full((s.size, 2), np.nan)
         return x.rest_with_path(point, unknown, unknown, haul)
@@ -155,7 +155,7 @@ class _TwoPieceStatics:
             left_force = np.stack([horizontal, groups.c - jump[:, 1] * (1.0 - s)], -1)
         self.left_force = left_force
         for _ in range(ITERATIONS):
-            g, A = self.slope_integrals()
+            g, A = self.spans_and_derivatives_by_force()
             dz = _solve_each(A, ends - g)
             size = np.linalg.norm(dz, axis=1) / (1.0 + np.linalg.norm(self.left_force, axis=1))
             if np.any(size > 1e-4):  # nearer, full steps are safe
@@ -176,7 +176,7 @@ class _TwoPieceStatics:
         step = np.ones_like(self.s)
         for _ in range(ITERATIONS):
             self.left_force = start + step[:, None] * dz
-            uphill = ((self.slope_integrals()[0] - ends) * dz).sum(1) > 0.5 * slope
+            uphill = ((self.spans_and_derivatives_by_force()[0] - ends) * dz).sum(1) > 0.5 * slope
             if not uphill.any():
                 break
             step = np.where(uphill, 0.5 * step, step)
@@ -203,7 +203,7 @@ class _TwoPieceStatics:
         sides = (N0, N1, behind.slope, ahead.slope)
         return Rest(self.s, self.left_force, self.jump, point, *sides, along, bend, hold, haul)
 
-    def slope_integrals(self, points: Any = slice(None)) -> tuple[np.ndarray, np.ndarray]:
+    def spans_and_derivatives_by_force(self, points: Any = slice(None)) -> tuple[np.ndarray, np.ndarray]:
         """int r' and int dr'/dn over some points: (n, 2), (n, 2, 2)."""
         nx, ny = self.left_force.T[:, :, None] + self.load[:, :, points]
         w = self.weights[:, points]

@@ -384,7 +384,7 @@ class Signal:
         """A track (n,) of means over the period, of values along the cable their extremes."""
         if track.value.ndim > 1:
             return self._extremes_along_cable(track)
-        t, value, s = self._samples_in_time_span(track)
+        t, value, s = self._finite_samples_to_ends_of_time_span(track)
         if self.period and t.size > 2:
             low, high = (np.clip(t + half * self.period, t[0], t[-1]) for half in (-0.5, 0.5))
             value = time_means_between(t, value[:, None], low, high)[:, 0]
@@ -408,7 +408,7 @@ class Signal:
         at = (self.quantity.sign * value).argmax(axis=1)
         return Track(t, value[np.arange(t.size), at], track.s[at])
 
-    def _samples_in_time_span(self, track: Track) -> Track:
+    def _finite_samples_to_ends_of_time_span(self, track: Track) -> Track:
         """Samples in the time span, its ends included, where the signal is finite."""
         has_value = np.isfinite(track.value)
         t = track.t[has_value]

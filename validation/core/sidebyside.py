@@ -97,7 +97,7 @@ def _forked_pool(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..
     """Gives a function that submits call(*arguments) to a worker; an exception in the body ends all workers."""
     context = multiprocessing.get_context("fork")
     before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, context, initializer=_initialise_worker, initargs=(call,))
+    pool = ProcessPoolExecutor(workers, context, initializer=_ignore_interrupts_and_keep_call, initargs=(call,))
     try:
         with warnings.catch_warnings():
             # a fork beside threads that only draw
@@ -115,7 +115,7 @@ def _forked_pool(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..
         raise
 
 
-def _initialise_worker(call: Callable[..., Any]) -> None:
+def _ignore_interrupts_and_keep_call(call: Callable[..., Any]) -> None:
     # Ctrl+C reaches all processes of a terminal: the first one answers, and ends the others
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _inherited_calls.append(call)

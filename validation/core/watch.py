@@ -41,7 +41,7 @@ def with_flags(r: Response, scene: Scene, method: Method) -> Response:
     return replace(r, cause="unstable", reason=f"{energy}; it broke at s_o/l = {r.reached:.3f}")
 
 
-def _taut_window(r: Response) -> measures.Window | None:
+def _taut_position_window(r: Response) -> measures.Window | None:
     """The part of the run, s_o/l, in which it is taut and comparable; None if nothing can be said of it."""
     reached = math.inf if r.drive == "free" else r.reached  # a ride may roll back
     switched = math.inf if r.switched is None else r.switched
@@ -52,7 +52,7 @@ def _taut_window(r: Response) -> measures.Window | None:
 
 def _energy_gain_while_taut(scene: Scene, r: Response) -> float | None:
     """Relative, see `measures.relative_energy_gain`; None if nothing can be said."""
-    taut = _taut_window(r)
+    taut = _taut_position_window(r)
     if taut is None:
         return None
     assert scene.mass is not None
@@ -60,7 +60,7 @@ def _energy_gain_while_taut(scene: Scene, r: Response) -> float | None:
 
 
 def _error_flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
-    taut = _taut_window(r)
+    taut = _taut_position_window(r)
     if taut is None:
         return []
     assert scene.mass is not None

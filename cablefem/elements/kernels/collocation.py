@@ -276,13 +276,13 @@ def assemble_and_factorise_tangents(
 @inner
 def factorise_combination(c0: complex, c1: complex, parts: Tangent, tangent: Tangent) -> None:
     """Set a tangent to the factors of c0 dr/dq + c1 dr/dv + dr/da, the parts."""
-    set_combination(c0, c1, parts.ab, tangent.ab)
-    set_combination(c0, c1, parts.border, tangent.border)
+    set_weighted_sum_if_wanted(c0, c1, parts.ab, tangent.ab)
+    set_weighted_sum_if_wanted(c0, c1, parts.border, tangent.border)
     factorise_in_place(tangent.ab, tangent.border)
 
 
 @inner
-def set_combination(c0: complex, c1: complex, parts: Array, out: Array | None) -> None:
+def set_weighted_sum_if_wanted(c0: complex, c1: complex, parts: Array, out: Array | None) -> None:
     """Set out, if there is one, to c0 parts[0] + c1 parts[1] + parts[2]."""
     if out is None:
         return

@@ -83,7 +83,7 @@ def command(
     result, folder = _check_and_write(
         loaded, third, out, deep=deep, second=_scene_of_second_solver(loaded, second, second_set), **settings
     )
-    return _report_check(result, folder, extras)
+    return _print_and_verify_check(result, folder, extras)
 
 
 def _option_faults(tol: float | None, tol_tension: float | None, with_tol: float, ask: str) -> list[str]:
@@ -95,7 +95,7 @@ def _option_faults(tol: float | None, tol_tension: float | None, with_tol: float
     return faults if ask in ("all", "path") else [*faults, f"--ask = {ask!r}: must be all or path"]
 
 
-def _report_check(result: "Check", folder: Path, extras: Extras) -> int:
+def _print_and_verify_check(result: "Check", folder: Path, extras: Extras) -> int:
     """Print a check, read back what was written, and test the judge; return the exit code."""
     from validation.commands.check import words
     from validation.core import limits as judge

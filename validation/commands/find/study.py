@@ -243,7 +243,7 @@ class _Search:
             sentence = "; ".join(dict.fromkeys(answer.sentence for answer in answers))
             read = [[clause.value_in(answer) for clause in self.clauses] for answer in answers]
             holds = self.condition_holds_at(value)
-            fails = "" if holds else self._failure_text(value)
+            fails = "" if holds else self._unmet_condition_text(value)
             rows.append({"value": value, "holds": holds, "outcome": sentence, "fails": fails, "read": read})
         return rows
 
@@ -278,7 +278,7 @@ class _Search:
         share = self._crossing_share(holds_at, fails_at)
         value = holds_at if math.isnan(share) else holds_at + share * (fails_at - holds_at)
         return Threshold(
-            value, holds_at, fails_at, self._failure_text(fails_at), unit=unit_of_key(self.scene, self.key)
+            value, holds_at, fails_at, self._unmet_condition_text(fails_at), unit=unit_of_key(self.scene, self.key)
         )
 
     def _crossing_share(self, holds_at: float, fails_at: float) -> float:
@@ -286,7 +286,7 @@ class _Search:
         pairs = zip(self.margins_at(holds_at), self.margins_at(fails_at), strict=False)
         return min((above / (above - below) for above, below in pairs if below < 0.0 <= above), default=math.nan)
 
-    def _failure_text(self, value: float) -> str:
+    def _unmet_condition_text(self, value: float) -> str:
         """What does not hold at a value: a number beyond its limit, or what happens."""
         count = len(self.clauses)
         i = next(i for i, room in enumerate(self.margins_at(value)) if not room >= 0.0)

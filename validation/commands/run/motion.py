@@ -37,8 +37,8 @@ from validation.core.readback import (
     limit_faults,
     limit_table_faults,
     line_design_number_faults,
-    line_motion_faults,
     line_outcome_faults,
+    rope_csv_and_side_view_faults,
 )
 from validation.core.sidebyside import Progress, map_in_parallel, no_progress
 from validation.core.wheels import approximate_pitch_period, with_wheel_loads_by_hand
@@ -496,7 +496,7 @@ class MotionAnswers(LineAnswers):
             *limit_faults(self.limits, tomllib.loads(self.line.to_toml()), self.design, ()),
             *limit_table_faults(html, self.limits),
             *line_design_number_faults(html, self.design),
-            *line_motion_faults(html, folder, self.motion),
+            *rope_csv_and_side_view_faults(html, folder, self.motion),
             *line_outcome_faults(folder),
         ]
 

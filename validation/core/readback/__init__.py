@@ -9,7 +9,7 @@ from validation.core.readback.find import find_faults
 from validation.core.readback.limits import limit_faults, limit_table_faults
 from validation.core.readback.lines import line_outcome_faults, line_terminal_faults
 from validation.core.readback.pages import page_faults
-from validation.core.readback.side_view import line_motion_faults
+from validation.core.readback.side_view import rope_csv_and_side_view_faults
 from validation.core.readback.stored import StoredResults
 from validation.core.readback.tables import line_design_number_faults
 from validation.core.readback.terminal import terminal_faults
@@ -24,12 +24,12 @@ __all__ = [
     "limit_faults",
     "limit_table_faults",
     "line_design_number_faults",
-    "line_motion_faults",
     "line_outcome_faults",
     "line_terminal_faults",
     "page_faults",
     "path_csv_columns",
     "plain_text",
+    "rope_csv_and_side_view_faults",
     "terminal_faults",
     "verification_faults",
 ]  # fmt: skip

@@ -145,7 +145,7 @@ class RopeGrid(NamedTuple):
     series: dict[str, Array]
 
 
-def line_motion_faults(html_text: str, folder: Path, motion: Any) -> Faults:
+def rope_csv_and_side_view_faults(html_text: str, folder: Path, motion: Any) -> Faults:
     """Faults of rope.csv, and of the side view of a line in motion; motion : a `cablefem.motion.LineMotion`."""
     rope = read_csv_columns(folder / "rope.csv")
     t = np.unique(rope["t"])
