@@ -79,7 +79,7 @@ class ValueWithBar(NamedTuple):
 
 
 def _value_with_bar(entry: Row, variables: Row) -> ValueWithBar:
-    """The value of an entry, its bar, and the value at the paper's resolution, if it variables one.
+    """The value of an entry, its bar, and the value at the paper's resolution, if it names one.
 
     of : converged runs by scene; each gives the bar of its ladder.  paper : the paper's runs instead of them.
     r, others : a run (or number), and what else the paper may have taken: the bar is the largest change.

@@ -43,7 +43,7 @@ def compute_or_load_numbers(runs: Runs, file: Path, report: Progress, quick: boo
     level = runs.scenes["level"]
     inclined = runs.scenes["inclined"]
     swing = SETTINGS["vibration"]
-    energy = partial(vibration.max_free_vibration_energy, level.groups)
+    energy = partial(vibration.max_relative_vibration_energy, level.groups)
     jobs: dict[str, Callable[[], Any]] = {
         "frequencies": lambda: first_frequency_by_terms(runs),
         "overshoot": lambda: gibbs.tension_overshoots(inclined.groups, ladders),

@@ -92,7 +92,7 @@ def frames_between(r: Response, low: float, high: float) -> slice:
     return slice(int(inside[0]), int(inside[-1]) + 1)
 
 
-def tension_profiles_with_positions_while_moving(r: Response) -> Iterator[tuple[Array, float]]:
+def moving_tension_profiles(r: Response) -> Iterator[tuple[Array, float]]:
     """The tension along the cable and s_o/l of each frame in MOVING."""
     rows = frames_between(r, *MOVING)
     return zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True)
@@ -112,7 +112,7 @@ def tension_unevenness(r: Response, *, sides: bool = False, width: float = 0.05)
     """Rms of T about its mean along the cable (or each side), over that mean, by frame, beyond `width` of the mass."""
     out = []
     s = r.fields.s / r.length
-    for row, s_o in tension_profiles_with_positions_while_moving(r):
+    for row, s_o in moving_tension_profiles(r):
         off_mass = np.abs(s - s_o) >= width
         parts = [off_mass & (s < s_o), off_mass & (s > s_o)] if sides else [off_mass]
         tensions = [row[part] for part in parts if part.any()]
@@ -125,7 +125,7 @@ def tension_ripple(r: Response, near: float = 0.2, far: float = 1.0) -> float:
     s = r.fields.s / r.length
     half = round(0.05 * (r.fields.s.size - 1))
     parts = []
-    for row, s_o in tension_profiles_with_positions_while_moving(r):
+    for row, s_o in moving_tension_profiles(r):
         for side in (s < s_o, s > s_o):
             if np.count_nonzero(side) > 2 * half:
                 inner = slice(half, -half)  # where the mean has all its stations
@@ -138,7 +138,7 @@ def tension_ripple(r: Response, near: float = 0.2, far: float = 1.0) -> float:
 def mean_count_of_tension_extremes(r: Response) -> float:
     """Crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
     counts = []
-    for row, _ in tension_profiles_with_positions_while_moving(r):
+    for row, _ in moving_tension_profiles(r):
         T = row / r.horizontal_tension
         crests = find_peaks(T, prominence=0.005)[0]
         troughs = find_peaks(-T, prominence=0.005)[0]

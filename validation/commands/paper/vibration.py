@@ -37,7 +37,7 @@ def relative_free_vibration_energy(
         return (energy[1:] - energy[0]) / (energy[1] - energy[0])
 
 
-def max_free_vibration_energy(groups: Groups, steps_per_period: int, scheme_name: str = "trapezoidal") -> float:
+def max_relative_vibration_energy(groups: Groups, steps_per_period: int, scheme_name: str = "trapezoidal") -> float:
     """Largest energy of the bare cable in free vibration, over that at the start.
 
     steps_per_period : of the first mode.
