@@ -106,7 +106,8 @@ def solve_newmark_step(
             result[2] += 1
         before = norm
         solve_factored_in_place(tangent.ab, tangent.border, r)
-        workspace.da[:] = r
+        for j in range(r.size):  # a slice would compile its error message for seconds
+            workspace.da[j] = r[j]
         result[1] = iteration + 1
         limit = math.inf if iteration < patience else before
         fraction = 1.0
