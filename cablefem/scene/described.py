@@ -12,7 +12,7 @@ import tomli_w
 from cablefem.scene.errors import SceneError, did_you_mean, short_text
 from cablefem.scene.fields import Name, OneLine, Part, Positive, described_field
 from cablefem.scene.limits import Limits
-from cablefem.scene.surroundings import read_ground
+from cablefem.scene.surroundings import read_ground_file_of
 
 _FILES = resources.files(__package__) / "library"
 # first in a list
@@ -87,8 +87,7 @@ class Described(Part):
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
         """What a TOML text describes, a file of the ground in `folder`; SceneError with all its faults."""
         data = parse_toml(text)
-        if isinstance(ground := data.get("ground"), str):
-            data["ground"] = read_ground(ground, folder)
+        read_ground_file_of(data, folder)
         return cls(**{"name": name, **data})
 
     @classmethod
@@ -120,8 +119,7 @@ class Described(Part):
             del cable["EA"]  # it follows
         for key, value in changes.items():
             set_dotted_key(data, key, value)
-        if isinstance(ground := data.get("ground"), str):
-            data["ground"] = read_ground(ground, Path())
+        read_ground_file_of(data, Path())
         return type(self)(**data)
 
 

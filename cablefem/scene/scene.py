@@ -294,11 +294,16 @@ class Scene(Described):
         return 0.5 * self.damping / first_angular_frequency(self.catenary, self.cable.EA, self.gravity)
 
     @property
+    def crosswind_force(self) -> float:
+        """Mean force of the wind across the line on the cable [N/m]; 0 without."""
+        return 0.0 if self.wind is None else self.wind.force_per_length(self.cable.diameter_with_ice)
+
+    @property
     def wind_tilt(self) -> float | None:
         """Tilt [deg] of the empty cable's plane by a steady crosswind, or None."""
         if self.wind is None:
             return None
-        return math.degrees(math.atan(self.wind.force_per_length(self.cable.diameter_with_ice) / self.catenary.weight))
+        return math.degrees(math.atan(self.crosswind_force / self.catenary.weight))
 
     @property
     def wave_speed(self) -> float:

@@ -15,7 +15,7 @@ from cablefem.scene.described import parse_toml, scene_text_and_name, set_dotted
 from cablefem.scene.errors import SceneError
 from cablefem.scene.line import Line
 from cablefem.scene.scene import Scene
-from cablefem.scene.surroundings import read_ground
+from cablefem.scene.surroundings import read_ground_file_of
 
 CABLE_AT_REST = ("name", "gravity", "cable", "supports")  # keys of a scene that say how its cable hangs
 
@@ -41,10 +41,14 @@ class LineOfOneSpan(Line):
             return super().replace(changes)
         of_line = {key: value for key, value in changes.items() if _first_name(key) in ("contact", "car")}
         of_span = {key: value for key, value in changes.items() if key not in of_line}
-        if not of_span:
+        if of_line and not of_span:
             return Line(**self._toml_tables()).replace(changes)
         line = type(self).from_span_tables(self._changed_span_tables(of_span))
         return line.replace(of_line) if of_line else line
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Line:  # type: ignore[override]
+        """A plain line where fields are replaced: the tables of the span no longer describe it."""
+        return Line(**self._toml_tables()).model_copy(update=update, deep=deep) if update else self
 
     def _changed_span_tables(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """A copy of the tables of the span with new values; those of the cable at rest are changed as of a scene."""
@@ -57,8 +61,7 @@ class LineOfOneSpan(Line):
             hanging = Scene(**{key: tables[key] for key in CABLE_AT_REST if key in tables}).replace(at_rest)
             described = parse_toml(hanging.to_toml())
             tables |= {key: described[key] for key in CABLE_AT_REST}
-        if isinstance(ground := tables.get("ground"), str):
-            tables["ground"] = read_ground(ground, Path())
+        read_ground_file_of(tables, Path())
         return tables
 
 
@@ -88,8 +91,7 @@ def load_line_or_none(name_or_path: str | Path) -> Line | None:
     wheels = mass.get("wheels", {})
     point = isinstance(wheels, dict) and wheels.get("model") == "point" and not wheels.get("base")
     if "hanger" in mass or ("wheels" in mass and not point):
-        if isinstance(ground := data.get("ground"), str):
-            data["ground"] = read_ground(ground, folder)
+        read_ground_file_of(data, folder)
         return LineOfOneSpan.from_span_tables({"name": name, **data})
     return None
 

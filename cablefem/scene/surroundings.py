@@ -59,6 +59,12 @@ Obstacles = Annotated[
 ]  # fmt: skip
 
 
+def read_ground_file_of(tables: dict[str, Any], folder: Path) -> None:
+    """Replace the name of a CSV file in `ground` of a scene's tables by its points; SceneError."""
+    if isinstance(name := tables.get("ground"), str):
+        tables["ground"] = read_ground(name, folder)
+
+
 def read_ground(name: str, folder: Path) -> list[list[float]]:
     """Points of a CSV file with columns x and depth [m]; a first row of words without digits names them."""
     try:

@@ -188,6 +188,8 @@ def test_a_line_of_one_span_takes_the_keys_of_its_file(tmp_path):
     assert changed.to_toml() == load(written).to_toml()
     assert changed.replace({"mass.mass": "+10%"}).car[0].mass == pytest.approx(990.0)
     assert changed.replace({"car.car.mass": 800.0, "travel.to": 310.0}).to_toml().count("310.0") == 1
+    assert load(SPAN).replace({}).replace(changes).to_toml() == changed.to_toml()
+    assert changed.model_copy(update={"name": "copy"}).replace({"car.car.mass": 800.0}).name == "copy"
     with pytest.raises(SceneError, match=r"^mass.mass = -3.0: must be a number > 0"):
         changed.replace({"mass.mass": -3.0})
     with pytest.raises(SceneError, match=r"^travel.too = 3.0: unknown key. Did you mean to?"):

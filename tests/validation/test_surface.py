@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import cablefem as cf
@@ -20,6 +21,8 @@ QUICK = {"elements": 4, "steps": 100, "bars": False}
         ({"tol": 0.5}, r"tol must lie in \[1e-06, 0.2\], got 0.5"),
         ({"tol": float("nan")}, "tol must lie in"),
         ({"tol": "small"}, "tol must lie in .*, got 'small'"),
+        ({"steps": 40.5}, "steps must be an integer, got 40.5"),
+        ({"steps": np.float32(40.5)}, "steps must be an integer"),
         ({"until": "end"}, "until must be a place s_o/l > 0, got 'end'"),
         ({"elemnts": 8}, "has no setting 'elemnts'. Did you mean elements?"),
         ({"budget": 3.0, "tol": 1e-2}, "has no setting 'budget'"),

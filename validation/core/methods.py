@@ -34,7 +34,7 @@ class Setting:
             if isinstance(value, bool) or not isinstance(value, Real):
                 raise TypeError
             number = kind(value)
-            if isinstance(value, float) and number != value and not value != value:
+            if kind is int and number != value:
                 raise ValueError
         except (TypeError, ValueError, OverflowError):
             word = "an integer" if kind is int else "a number"
