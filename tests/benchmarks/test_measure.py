@@ -1,8 +1,11 @@
 """The benchmarks run; what they print is no verdict."""
 
-from tests.benchmarks.measure import runs
+from tests.benchmarks.measure import runs, statics
 
 
-def test_the_benchmark_of_runs_prints_its_ratios(capsys):
+def test_the_benchmarks_of_runs_and_statics_run(capsys):
     runs("following-p2", 1)
-    assert "march" in capsys.readouterr().out
+    statics(1)
+    out = capsys.readouterr().out
+    assert "100 variants, path alone" in out
+    assert "all fields" in out

@@ -132,7 +132,7 @@ def fine_quadrature(basis, a=0.0, b=1.0, pieces=512):
 
 
 def fine_quadrature_error(basis, exponent, pieces=512):
-    """Relative error to expect of `fine_rule`: pieces^-(exponent + 1), at best order 4, for a Hoelder exponent."""
+    """Relative error to expect of `fine_quadrature`: pieces^-(exponent + 1), at best order 4; of a Hoelder exponent."""
     return 1e-13 if isinstance(basis, Fourier) else 1e-13 + 10.0 * float(pieces) ** -min(exponent + 1.0, 4.0)
 
 

@@ -11,6 +11,7 @@ from cablefem.newmark import State, System, integrate_blocks, scheme, step_times
 from cablefem.scene.contacts import Car, Contact, Elastic, MovingLine
 from cablefem.scene.drive import Drive
 from cablefem.scene.motion import rest_motion
+from validation.commands.check.motion import law_rows
 
 
 @dataclass(frozen=True)
@@ -148,3 +149,9 @@ mass = 1200.0
 drive = {mode = "haul", drag_area = 2.0}
 travel = {kind = "trapezoid", top_speed = 6.0, acceleration = 3.0, deceleration = 3.0, from = 130.0, to = 170.0}
 """
+
+
+def broken_laws(line_toml, ladder):
+    """Names of the laws that the runs do not keep on a line."""
+    rows = law_rows(line_toml, [ladder], ladder.finest.end)
+    return {row.law.rpartition(",")[0] for row in rows if row.verdict.value == "disagree"}

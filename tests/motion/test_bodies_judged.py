@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cablefem.scene.line import Line
-from tests.motion.lines import BODIES
-from validation.commands.check.motion import compare_and_check_laws, law_rows
+from tests.motion.lines import BODIES, broken_laws
+from validation.commands.check.motion import compare_and_check_laws
 from validation.commands.run.motion import SINES, LineRuns
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_rows import LineTolerance
@@ -23,12 +23,6 @@ def line():
 @pytest.fixture(scope="module")
 def ladder(line):
     return LineRuns(SINES, line).ladder(2, 2)
-
-
-def broken_laws(toml, ladder):
-    """Names of the laws that the runs do not keep."""
-    rows = law_rows(toml, [ladder], ladder.finest.end)
-    return {row.law.rpartition(",")[0] for row in rows if row.verdict.value == "disagree"}
 
 
 def test_sines_keep_all_laws(line, ladder):

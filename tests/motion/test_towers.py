@@ -12,8 +12,8 @@ from cablefem.catenary_line import solve
 from cablefem.scene.errors import SceneError
 from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
-from tests.motion.lines import OVER
-from validation.commands.check.motion import compare_and_check_laws, law_rows
+from tests.motion.lines import OVER, broken_laws
+from validation.commands.check.motion import compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, motion_answers
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_rows import LineTolerance
@@ -103,12 +103,6 @@ def ladder():
     return line_runs(SINES, "hauled").ladder(2, 2)
 
 
-def broken_laws(line, ladder):
-    """Names of the laws that the runs do not keep."""
-    rows = law_rows(line.to_toml(), [ladder], ladder.finest.end)
-    return {row.law.rpartition(",")[0] for row in rows if row.verdict.value == "disagree"}
-
-
 def without_turning_force(motion):
     """The car's path is bent, and the force that bends it is missing on the shoe."""
     car, tower = motion.cars[0], motion.contacts[1]
@@ -121,9 +115,9 @@ def without_turning_force(motion):
 
 
 def test_a_car_that_bends_its_path_without_force_is_seen(ladder):
-    assert not broken_laws(HAULED, ladder)
+    assert not broken_laws(HAULED.to_toml(), ladder)
     wrong = ladder.map(lambda run: dataclasses.replace(run, motion=without_turning_force(run.motion)))
-    assert broken_laws(HAULED, wrong) == {"momentum of rope and cars"}
+    assert broken_laws(HAULED.to_toml(), wrong) == {"momentum of rope and cars"}
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from validation.commands.check.sensitivity import (
     detectable_input_changes,
     keys_of_nonzero_numbers,
 )
-from validation.commands.sweep.families import SOUND, scene_and_key_changed_in_second_solver
+from validation.commands.sweep.families import SOUND, scene_and_fault_key
 
 INCLINED = Scene.load("inclined")
 
@@ -33,7 +33,7 @@ def test_a_fault_below_the_digits_of_a_number_is_any_change_of_it():
 
 def test_a_station_on_the_edge_of_the_jump_is_no_disagreement():
     """Stations as far from the car as is left out around it are in or out in both computations of an error."""
-    scene, fault = scene_and_key_changed_in_second_solver(81126, 40)
+    scene, fault = scene_and_fault_key(81126, 40)
     assert fault is None
     assert check(scene, tol=1e-3).verdict.value == "agree"
 
@@ -44,21 +44,21 @@ def test_keys_are_the_numbers_of_the_tables():
 
 
 def test_cases_of_the_study_are_the_families_in_turn_and_sound_ones_have_no_fault():
-    names = [scene_and_key_changed_in_second_solver(11, number)[0].name for number in range(6)]
+    names = [scene_and_fault_key(11, number)[0].name for number in range(6)]
     assert names == 2 * ["gripped", "hauled", "free"]
-    assert {scene_and_key_changed_in_second_solver(11, number)[1] for number in range(SOUND)} == {None}
-    faults = [scene_and_key_changed_in_second_solver(11, SOUND + number) for number in range(45)]
+    assert {scene_and_fault_key(11, number)[1] for number in range(SOUND)} == {None}
+    faults = [scene_and_fault_key(11, SOUND + number) for number in range(45)]
     given = {key for _, key in faults}
     assert given >= {"mass.mass", "cable.EA", "cable.mass_per_length"}
     assert {key for key in given if key.startswith("travel.")} & {"travel.speed", "travel.top_speed"}
     assert all(isinstance(scene.replace({key: "+1%"}), Scene) for scene, key in faults if key)
-    faults = [scene_and_key_changed_in_second_solver(11, SOUND + number, "wide") for number in range(90)]
+    faults = [scene_and_fault_key(11, SOUND + number, "wide") for number in range(90)]
     assert " ".join(x.name for x, _ in faults[:9]) == "gripped hauled free fibre slack steep iced stopped windy"
     more = {"drive.rolling_friction", "drive.drag_area", "drive.brake.0.force", "supports.drop"}
     assert {key for _, key in faults} >= more
     assert all(isinstance(scene.replace({key: "+1%"}), Scene) for scene, key in faults if key)
     assert (
-        scene_and_key_changed_in_second_solver(11, 4)[0].to_toml()
-        == scene_and_key_changed_in_second_solver(11, 4)[0].to_toml()
-        != scene_and_key_changed_in_second_solver(12, 4)[0].to_toml()
+        scene_and_fault_key(11, 4)[0].to_toml()
+        == scene_and_fault_key(11, 4)[0].to_toml()
+        != scene_and_fault_key(12, 4)[0].to_toml()
     )
