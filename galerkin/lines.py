@@ -136,9 +136,8 @@ class LineSines(System):
         return self.residuals(np.array([t]), q[None], v[None], a[None], phase)[0]
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
-        Z = self._set_unknown_and_dependent_coordinates(
-            self._prescribed_at_times(t, phase), q, v, a
-        )  # (3, n, layout.size)
+        Z = self._prescribed_at_times(t, phase)  # (3, n, layout.size)
+        Z = self._set_unknown_and_dependent_coordinates(Z, q, v, a)
         s = Z[0][:, self.layout.s]
         if not (s[:, 1:] > s[:, :-1]).all():
             return np.full(q.shape, np.nan)

@@ -70,7 +70,7 @@ class FullCable:
         _, xp, yp, xpp, ypp = self.groups.tension_and_shape_derivatives(s)
         return np.array([xp, yp]).T, np.array([xpp, ypp]).T
 
-    def depth_below_support_or_chord_at_rest(self, s: Array) -> Array:
+    def static_depth(self, s: Array) -> Array:
         """y of the cable at rest, below the left support."""
         return np.asarray(self.groups.coordinates(s)[1])
 
@@ -142,7 +142,7 @@ class ChordCable:
         slope = -self.curvature * (0.5 - np.asarray(s))[..., None]
         return slope, np.full_like(slope, self.curvature)
 
-    def depth_below_support_or_chord_at_rest(self, s: Array) -> Array:
+    def static_depth(self, s: Array) -> Array:
         """Distance at rest from the chord."""
         return np.asarray((-0.5 * self.curvature) * s * (1.0 - s))
 

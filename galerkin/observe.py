@@ -160,7 +160,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     kinetic = of_cable + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     viscous = 2.0 * system.damping * of_cable
     powers = {"lost_viscous": -viscous} if system.damping else {}
-    depth = cable.depth_below_support_or_chord_at_rest(x.s_o) + w[:, -1]
+    depth = cable.static_depth(x.s_o) + w[:, -1]
     potential = -cable.weight[-1] * (sunk + system.mu * depth)
     slope_behind, slope_ahead = sides if system.fields == 2 else static + slopes @ direction
     u, v = np.einsum("kfs,fd->dks", fields[0], direction)

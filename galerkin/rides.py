@@ -259,7 +259,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _hauled_unknowns_at_rest(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
-        system = CarOnRope(still, self.sines, law="tension-only")
+        system = HauledCarAtRest(still, self.sines, law="tension-only")
         return np.append(
             solve_equilibrium_on_haul_rope(system, solve_equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0
         )
@@ -283,7 +283,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return car.needed_force_along_rope - self.hold_force(x.t) / car.stretch, car.normal
 
 
-class CarOnRope(RollingSystem):
+class HauledCarAtRest(RollingSystem):
     """A hauled car at rest; its last unknown is the haul force."""
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:

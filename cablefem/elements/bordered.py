@@ -24,18 +24,18 @@ class DenseMatrix:
         """Add a block (rows, columns)."""
         self.matrix[np.ix_(rows, columns)] += block
 
-    def add_multiple_to_border_row(self, source: int, border_row: int, factor: complex = 1.0) -> None:
+    def add_multiple_of_row(self, source: int, to: int, factor: complex = 1.0) -> None:
         """Add a factor times row `source` to another row."""
-        self.matrix[border_row] += factor * self.matrix[source]
+        self.matrix[to] += factor * self.matrix[source]
 
-    def add_multiple_to_border_column(self, source: int, border_column: int, factor: complex) -> None:
+    def add_multiple_of_column(self, source: int, to: int, factor: complex) -> None:
         """Add a factor times column `source` to another column."""
-        self.matrix[:, border_column] += factor * self.matrix[:, source]
+        self.matrix[:, to] += factor * self.matrix[:, source]
 
     def tie_unknown_to_previous(self, j: int, factor: float) -> None:
         """Let unknown j follow j - 1: add its row and its column to those before, times the factor."""
-        self.add_multiple_to_border_row(j, j - 1, factor)
-        self.add_multiple_to_border_column(j, j - 1, factor)
+        self.add_multiple_of_row(j, j - 1, factor)
+        self.add_multiple_of_column(j, j - 1, factor)
 
 
 class BandMatrix:
@@ -74,9 +74,9 @@ class BandMatrix:
         """Numbers within the band beside i < n."""
         return np.arange(max(0, i - self.b), min(self.n, i + self.b + 1))
 
-    def add_multiple_to_border_row(self, source: int, border_row: int, factor: complex = 1.0) -> None:
+    def add_multiple_of_row(self, source: int, to: int, factor: complex = 1.0) -> None:
         """Add a factor times row `source`, of the band or of the border, to a border row."""
-        to = border_row - self.n
+        to = to - self.n
         if source >= self.n:
             self.rows[to] += factor * self.rows[source - self.n]
             self.corner[to] += factor * self.corner[source - self.n]
@@ -85,9 +85,9 @@ class BandMatrix:
         self.rows[to, j] += factor * self.ab[2 * self.b + source - j, j]
         self.corner[to] += factor * self.columns[source]
 
-    def add_multiple_to_border_column(self, source: int, border_column: int, factor: complex) -> None:
+    def add_multiple_of_column(self, source: int, to: int, factor: complex) -> None:
         """Add a factor times column `source` < n to a border column."""
-        to = border_column - self.n
+        to = to - self.n
         i = self._columns_in_band(source)
         self.columns[i, to] += factor * self.ab[2 * self.b + i - source, source]
         self.corner[:, to] += factor * self.rows[:, source]

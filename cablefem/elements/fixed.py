@@ -149,7 +149,7 @@ class FixedElements(CableElements):
 
     def _unknowns_and_shape_functions_ahead(self, s: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Unknowns (n_loc, fields) and N, N', N'' (n_loc,) at s, without supports; at a node of the element ahead."""
-        (dofs,), shapes = self._unknowns_and_shape_functions_on_side(np.array([s]), "ahead")
+        (dofs,), shapes = self._shape_functions_on_side(np.array([s]), "ahead")
         keep = dofs >= 0
         N, N_s, N_ss = np.ascontiguousarray(shapes[:, keep, 0])  # one layout, compiled once
         return self.fields * dofs[keep][:, None] + np.arange(self.fields), N, N_s, N_ss
@@ -175,7 +175,7 @@ class FixedElements(CableElements):
             r[p] = q[p] - N @ q[dofs]
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
 
-    def _unknowns_and_shape_functions_on_side(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
+    def _shape_functions_on_side(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
         """Unknowns (m, n_loc), -1 for supports, and N, N', N'' (3, n_loc, m) at s (m,).
 
         side : "behind" or "ahead", which counts at a node.
@@ -190,7 +190,7 @@ class FixedElements(CableElements):
     def _cable_motion_at_mass(self, states: States, mass_kinematics: Array) -> MotionAtMass:
         s_o, ds, dds = mass_kinematics.T
         row = np.arange(s_o.size)[:, None]
-        dofs, shapes = self._unknowns_and_shape_functions_on_side(s_o, "ahead")
+        dofs, shapes = self._shape_functions_on_side(s_o, "ahead")
         q, v, a = (self._nodal_values(x, dofs, row) for x in (states.q, states.v, states.a))  # (n, n_loc, fields)
 
         def at(shape: Array, x: Array) -> Array:
@@ -198,7 +198,7 @@ class FixedElements(CableElements):
 
         N, N_s, N_ss = shapes
         ahead = at(N_s, q)
-        dofs, shapes = self._unknowns_and_shape_functions_on_side(s_o, "behind")
+        dofs, shapes = self._shape_functions_on_side(s_o, "behind")
         behind = at(shapes[1], self._nodal_values(states.q, dofs, row))
         if self.particle:
             f = self.fields

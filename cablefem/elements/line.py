@@ -349,8 +349,6 @@ def _solve_with_guesses(cases: Sequence[tuple[Case, Start]], elements: int) -> l
             return _LineBatch(cases, elements).solve()
     except NoLineAtRest as error:
         half = len(cases) // 2
-        return (
-            [*_solve_with_guesses(cases[:half], elements), *_solve_with_guesses(cases[half:], elements)]
-            if half
-            else [error]
-        )
+        if not half:
+            return [error]
+        return [*_solve_with_guesses(cases[:half], elements), *_solve_with_guesses(cases[half:], elements)]

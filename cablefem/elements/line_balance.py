@@ -123,9 +123,11 @@ class LineBalance(LineCoordinates):
             rows[..., trolley.rows] += np.stack(trolley.forces(cars, y).rows, axis=-1)
         for slot, rail in self.rails:
             rows[..., slot] += rail.depth_with_derivatives(x.q[..., slot])[1] * rows[..., slot + 1]
-        each, z = rows.reshape(-1, self.size), np.array(x).reshape(3, -1, self.size)
-        for car in self.off_rope.values():
-            car.add_rows(each, np.ravel(t), z, phase)
+        if self.off_rope:
+            each = rows.reshape(-1, self.size)
+            z = np.array(x).reshape(3, -1, self.size)
+            for car in self.off_rope.values():
+                car.add_rows(each, np.ravel(t), z, phase)
         rows[..., self.force] = rows[..., self.force_rows]
         return rows
 
@@ -182,7 +184,7 @@ class LineBalance(LineCoordinates):
         return sign * (N + N**2 / (2.0 * EA) + entering)
 
     def slopes_and_motion_at_cars(self, x: Coordinates, motion: Motion) -> Array:
-        """Slopes beside each car, its v and a, F/M and the swing (cars, INPUTS), for `bodies.forces`."""
+        """Slopes beside each car, its v and a, F/M and the swing (cars, INPUTS), for `bodies.forces_on_cars`."""
         out = np.zeros((len(self.cars), INPUTS))
         if self.cars:
             left, right = self.segments.slopes_at_ends(motion)
@@ -295,9 +297,9 @@ class LineBalance(LineCoordinates):
         for slot, rail in self.rails:
             matrix.tie_unknown_to_previous(slot + 1, rail.depth_with_derivatives(x.q[slot])[1])
         for car in self.off_rope.values():
-            car.add_tangent(matrix, x.q[car.swing] if car.swing is not None else 0.0, c)
+            car.add_tangent(matrix, x.q, c)
         for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):
-            matrix.add_multiple_to_border_row(row, slot)
+            matrix.add_multiple_of_row(row, slot)
 
     def _support_tangent_diagonal(self, x: Coordinates, c: TangentFactors) -> Iterator[tuple[int, complex]]:
         """Diagonal entries of springs and counterweights."""

@@ -80,10 +80,8 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
         powers |= powers_off
         cars += (motion,)
     p = x.points
-    kinetic, potential = (
-        x.integral_over_rope(0.5 * system.segments.rho * dot(p.w, p.w)),
-        -x.integral_over_rope(system.segments.q * p.y),
-    )
+    kinetic = x.integral_over_rope(0.5 * system.segments.rho * dot(p.w, p.w))
+    potential = -x.integral_over_rope(system.segments.q * p.y)
     for car, motion in zip((*system.line.cars, *system.line.over), cars, strict=True):
         kinetic = kinetic + _car_kinetic_energy(car, motion)
         potential = potential - car.mass * system.line.gravity * motion.point[:, 1]
@@ -227,9 +225,13 @@ def _point_car_motion_and_powers(
 
 def _state_off_rope(x: _History, off_rope: CarOffRope, states: Sequence[State]) -> OffRopeState:
     """A car off the rope at all states."""
-    name, hanger, z = off_rope.car.name, off_rope.car.hanger, np.array([x.q, x.v, x.a])
+    name = off_rope.car.name
+    hanger = off_rope.car.hanger
+    z = np.array([x.q, x.v, x.a])
     points = np.array([x.system.car_point_and_rates(name, state) for state in states])
-    on, powers, turning = off_rope.forces(points, z), dict[str, Array](), None
+    on = off_rope.forces(points, z)
+    powers: dict[str, Array] = {}
+    turning = None
     if not off_rope.grips:
         powers["drag"] = on.air_power[:, 0]
     if hanger is not None:

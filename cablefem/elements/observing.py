@@ -101,9 +101,8 @@ class CableState(NamedTuple):
     tension_min: Array
     tension_min_at: Array  # its s
     rise: Array  # of the uniform tension of one field; 0 of the full cable
-    end_forces: (
-        Array  # (4, fields, n) f - c^2 w' at the left support, behind and ahead of the mass, at the right support
-    )
+    # f - c^2 w' at the left support, behind and ahead of the mass, at the right support
+    end_forces: Array  # (4, fields, n)
 
 
 def observe_cable(system: CableElements, mesh_kinematics: Array, states: States) -> CableState:
@@ -205,7 +204,7 @@ def strain_state(system: CableElements, mesh_kinematics: Array, q: Array) -> Str
 
 
 def _end_forces(system: CableElements, mesh_kinematics: Array, moments: Array, v: Array, internal: Array) -> Array:
-    """`CableState.ends` with f = N t - T X'.
+    """`CableState.end_forces` with f = N t - T X'.
 
     Momentum of a side, tested with phi = 1, and with phi = 1 at the mass and 0 at the support:
     int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].

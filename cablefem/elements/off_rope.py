@@ -54,14 +54,15 @@ class CarOffRope:
         if self.swing is not None:
             rows[:, self.swing] = on.swing[:, 0]
 
-    def add_tangent(self, matrix: Matrix, angle: float, c: TangentFactors) -> None:
-        """Add c0 d/dq + c1 d/dv + c2 d/da at an angle of the cabin; drag and motion of the point change little."""
+    def add_tangent(self, matrix: Matrix, q: Array, c: TangentFactors) -> None:
+        """Add c0 d/dq + c1 d/dv + c2 d/da at coordinates q (size,); drag and motion of the point change little."""
         c0, c1, c2 = c
         saddle, stretch = [self.saddle], self.rail.stretch
         if self.grips:
             matrix.add_block(saddle, saddle, np.array([[self.car.mass * stretch**2 * c2]]))
         if self.swing is None:
             return
+        angle = q[self.swing]
         stiffness = self.lever * self.line.gravity * np.cos(angle)
         of_swing = stiffness * c0 + self.resistance * c1 + self.inertia * c2
         matrix.add_block([self.swing], [self.swing], np.array([[of_swing]]))

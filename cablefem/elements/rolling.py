@@ -25,7 +25,7 @@ from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.drive import GRIP
 from cablefem.scene.motion import rest_motion
-from cablefem.stickslip import CarForces, RollingCar
+from cablefem.stickslip import CarForces, EventFreeRange, RollingCar
 
 NO_BOUNDS = np.empty(0)  # course of a car in single steps
 TINY = 1e-30  # factor of dr/da, for a tangent that is regular for the rope's force
@@ -128,7 +128,7 @@ class RollingElements(RollingCar, FollowingElements):
         """
         least_force = 0.1  # over weight, of a hauled car in compiled steps
         margin = 0.0 if self.free else least_force * self.inertia * self.groups.sigma
-        keeps = self.event_free_range() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
+        keeps = self.event_free_range() if self.free else EventFreeRange(-math.inf, math.inf, 0.0, 0.0, 0.0)
         return np.array([*keeps, -math.inf if self.mode.lifted_off else margin])
 
     def collocate_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:

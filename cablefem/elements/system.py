@@ -86,7 +86,7 @@ class LineElements(LineBalance):
             before, after = (coordinates_at_rest(self, t, phase, shift, q) for shift in (-SHIFT, SHIFT))
             v = (after - before) / (2.0 * SHIFT)
         if self.cars:
-            self._release_free_cars_or_raise_if_held(
+            self._release_free_cars(
                 t, phase, coordinates_with_forces_and_zero_rates(self, q), car_loads_and_masses_at_rest(self, t, phase)
             )
         rows = self.balance_rows(t, coordinates_with_forces_and_zero_rates(self, q), phase)
@@ -106,9 +106,7 @@ class LineElements(LineBalance):
             if car.travel:
                 self.signs[i] = self.line.travel_direction(car, phase)
 
-    def _release_free_cars_or_raise_if_held(
-        self, t: float, phase: int, x: Coordinates, held: CarLoadsAndMasses
-    ) -> None:
+    def _release_free_cars(self, t: float, phase: int, x: Coordinates, held: CarLoadsAndMasses) -> None:
         """Let free cars go; they must move against friction."""
         self.hold[:] = 0.0
         slots = self.s[self.cars]
@@ -251,7 +249,7 @@ class LineElements(LineBalance):
             car = self.line.cars[i].name
             if name == f"{car} stops":
                 after = self._stop_or_slip_on(i, x)
-                return after if self._may_move_again(x) else None
+                return after if self._run_goes_on(x) else None
             if name == f"{car} breaks loose":
                 return self._start_slipping(i, x)
             if name == f"{car} brakes":
@@ -268,7 +266,7 @@ class LineElements(LineBalance):
                 return system_after_passage(self, passage, x)
         return None
 
-    def _may_move_again(self, x: State) -> bool:
+    def _run_goes_on(self, x: State) -> bool:
         """Whether a free car rolls, or a force or a travel is still to change."""
         rolling = any(car.drive_kind == "free" and not self._sticks(i) for i, car in enumerate(self.line.cars))
         return rolling or self.line.travel_or_force_changes_after(x.t, x.phase)

@@ -172,8 +172,8 @@ class Trolley:
         b_sin, b_cos = self.wheels.base * math.sin(q[self.body[2]]), self.wheels.base * math.cos(q[self.body[2]])
         for axis, turned in enumerate((b_sin, -b_cos)):
             rear, front = self.points[:, axis]
-            matrix.add_multiple_to_border_column(front, self.body[axis], 1.0)
-            matrix.add_multiple_to_border_column(rear, self.body[axis], 1.0)
-            matrix.add_multiple_to_border_column(rear, self.body[2], turned)
+            matrix.add_multiple_of_column(front, self.body[axis], 1.0)
+            matrix.add_multiple_of_column(rear, self.body[axis], 1.0)
+            matrix.add_multiple_of_column(rear, self.body[2], turned)
         for row, slot in np.argwhere(by[:, 8:12]).tolist():
-            matrix.add_multiple_to_border_row(int(self.points.flat[slot]), int(self.rows[row]), by[row, 8 + slot])
+            matrix.add_multiple_of_row(int(self.points.flat[slot]), int(self.rows[row]), by[row, 8 + slot])

@@ -41,7 +41,7 @@ class CollocationRule(Stepper):
         for k, result in enumerate(self.system.collocate_steps(x.phase, steps, self.rule, self.newton)):
             if not self.has_converged(result):
                 return
-            self.count_work(*result[1:4])
+            self.count_result(result)
             yield [self._end_state(x.phase, steps, k)]
 
     def __call__(self, x: State, t1: float) -> State:
@@ -55,7 +55,7 @@ class CollocationRule(Stepper):
         for guess, solve in tries:
             steps.a[0] = guess
             result = next(iter(solve(x.phase, steps, self.rule, self.newton)))
-            self.count_work(*result[1:4])
+            self.count_result(result)
             if self.has_converged(result):
                 return self._end_state(x.phase, steps, 0)
         raise self.newton_stalled_error(t1, result)

@@ -99,7 +99,7 @@ class _TimeIntegration:
                 if x.t - self.last_output > shortest_step_above_rounding(x.t):
                     self.last_output = x.t
                     yield [x]
-                after = self._apply_events_or_raise_if_endless(x, names)
+                after = self._apply_events_unless_endless(x, names)
                 if after is None:
                     return None
                 self.state = after
@@ -164,7 +164,8 @@ class _TimeIntegration:
             raise StepUnderflow(state.t, f"a step of {length:.2g} is lost in rounding", "take fewer steps")
         return rule, t1
 
-    def _apply_events_or_raise_if_endless(self, x: State, names: list[str]) -> State | None:
+    def _apply_events_unless_endless(self, x: State, names: list[str]) -> State | None:
+        """The state after the events at x, None at the end of the run; EndlessEvents if they do not end."""
         if not names:
             self.events = 0
             return x

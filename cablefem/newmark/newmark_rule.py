@@ -67,7 +67,7 @@ class NewmarkRule(Stepper):
         for guess in (1.0, 0.0):
             self._fill_rules(self._rule, dt, guess)
             result = self.system.solve_step(t, x.phase, start, end, self._rule, self.newton)
-            self.count_work(*result[1:4])
+            self.count_result(result)
             if self.has_converged(result):
                 return State(t1, end[0], end[1], end[2], x.phase)
         raise self.newton_stalled_error(t1, result)

@@ -68,8 +68,7 @@ def find_root(
             factorisations += 1
         before = norm
         norm_allowed = math.inf if iterations < newton.patience else before
-        r, evaluations = _correct_with_halvings(residual, update, solve(r), norm_allowed, newton.halvings)
-        norm = math.sqrt(r.dot(r))
+        r, norm, evaluations = _correct_with_halvings(residual, update, solve(r), norm_allowed, newton.halvings)
         residuals += evaluations
         iterations += 1
         converged = norm <= newton.bound
@@ -82,17 +81,18 @@ def find_root(
 
 def _correct_with_halvings(
     residual: Callable[[], Any], update: Callable[[Any], None], correction: Any, norm_allowed: float, halvings: int
-) -> tuple[Any, int]:
-    """Take a correction, halved until |r| < `norm_allowed`; return r, and how often it was evaluated."""
+) -> tuple[Any, float, int]:
+    """Take a correction, halved until |r| < `norm_allowed`; return r, |r|, and how often it was evaluated."""
     update(correction)
     for halving in range(halvings + 1):
         if halving:
             correction *= 0.5
             update(-correction)
         r = residual()
-        if math.sqrt(r.dot(r)) < norm_allowed:
+        norm = math.sqrt(r.dot(r))
+        if norm < norm_allowed:
             break
-    return r, halving + 1
+    return r, norm, halving + 1
 
 
 def _correct_by_earlier_tangent(

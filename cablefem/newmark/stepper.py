@@ -55,6 +55,9 @@ class Stepper:
         self.work.factorisations += factorisations
         self.work.residuals += residuals
 
+    def count_result(self, result: StepResult) -> None:
+        self.count_work(result.iterations, result.factorisations, result.residuals)
+
     def newton_stalled_error(self, t1: float, result: StepResult) -> NewtonStalled:
         return NewtonStalled(
             t1, f"Newton's method stalled (|r| = {result.norm:.2g}, allowed {self.bound:.2g})",

@@ -90,7 +90,7 @@ class System(Protocol):
 
     # --- the length of steps -----------------------------------------------------------------------------
     def balance_times(self, t0: Array, t1: Array, end_weight: float, phase: int) -> Array:
-        """Times (n,) of the mean places, weighted 1 - end_weight and end_weight."""
+        """Times (n,) of the balance: means of t0 and t1, weighted 1 - end_weight and end_weight."""
         return (1.0 - end_weight) * t0 + end_weight * t1
 
     def step_fraction(self, x: State, since_event: float, time_ahead: float = 0.0) -> float:

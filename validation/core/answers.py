@@ -10,9 +10,8 @@ from cablefem.response import Array, Response, write_csv, write_json
 from cablefem.scene import Scene
 from validation.core import limits
 from validation.core.clearances import rope_at_frames
-from validation.core.design import design_numbers
+from validation.core.design import axial_round_trip_time, design_numbers
 from validation.core.measures import last_time_valid_in_all, position_where_mass_outruns_waves
-from validation.core.scene_data import SceneData
 
 STATIONS = 201  # stations of profile.csv
 
@@ -22,29 +21,27 @@ def crosswind_load_factor(scene: Scene) -> float | None:
 
     q, w : weight of the rope and mean force of the wind on it [N/m].
     """
-    if scene.wind is None or scene.wind.across == 0.0:
-        return None
     q = scene.catenary.weight
-    w = scene.wind.force_per_length(scene.cable.diameter_with_ice)
-    return math.hypot(q, w) / q
+    w = scene.crosswind_force
+    return math.hypot(q, w) / q if w else None
 
 
-def crosswind_sentences(scene: Scene, model: str) -> str:
+def crosswind_text(scene: Scene, model: str) -> str:
     """What the numbers of a run by a model hold of the wind across the line, and what not; "" without it."""
     factor = crosswind_load_factor(scene)
     if factor is None or scene.wind is None:
         return ""
-    across = scene.wind.force_per_length(scene.cable.diameter_with_ice)
-    loads = f"with {across:.4g} N/m across and {scene.catenary.weight:.4g} N/m down"
+    loads = f"with {scene.crosswind_force:.4g} N/m across and {scene.catenary.weight:.4g} N/m down"
     holds = "nothing of it" if model == "quasi-static" else "only how it damps the rope"
     left_out = f"Its force on rope and car is left out: {loads} the rope's load is {factor:.3f} times its weight"
     return f"wind of {scene.wind.across:.4g} m/s across the line: the numbers hold {holds}. {left_out}"
 
 
 def force_means_sentence(r: Response) -> str:
-    """Over what forces, decelerations and angles among the design numbers are means."""
-    round_trip = SceneData(r.scene_toml, r.length).round_trip
-    return f"forces, decelerations and angles of the rope are means over an axial round trip, {round_trip:.2g} s"
+    """Over what forces, angles and a free car's decelerations among the design numbers are means."""
+    kinds = "forces, decelerations" if r.drive == "free" else "forces"
+    round_trip = axial_round_trip_time(r.scene_toml, r.length)
+    return f"{kinds} and angles of the rope are means over an axial round trip, {round_trip:.2g} s"
 
 
 class Outcome(NamedTuple):
@@ -107,11 +104,11 @@ def _outcome_of_motion(scene: Scene, r: Response) -> Outcome:
         broke = f"the computation broke at {r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s: {r.reason}"
         return Outcome("incomplete", broke)
     end = _outcome_of_free_ride(scene, r) if r.drive == "free" else _outcome_of_prescribed_travel(scene, r)
-    for event in r.events:
-        if event["event"] == "lift_off":
-            lifts_off = f"the car lifts off at {event['s_o']:.1f} m after {event['t']:.1f} s"
-            return Outcome(end.kind, f"{lifts_off}; if it were held down: {end.sentence}")
-    return end
+    first = next((event for event in r.events if event["event"] == "lift_off"), None)
+    if first is None:
+        return end
+    lifts_off = f"the car lifts off at {first['s_o']:.1f} m after {first['t']:.1f} s"
+    return Outcome(end.kind, f"{lifts_off}; if it were held down: {end.sentence}")
 
 
 def _outcome_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:

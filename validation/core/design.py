@@ -129,14 +129,14 @@ QUANTITIES: dict[str, DesignQuantity] = {
     "car_deceleration_max": DesignQuantity(1.0, _deceleration_tracks),
     "angle_left": DesignQuantity(1.0, _tracks_at_support("left", _degrees_to_horizontal)),
     "angle_right": DesignQuantity(1.0, _tracks_at_support("right", _degrees_to_horizontal)),
-}  # fmt: skip
+}
 
 
 _scene_of_toml = lru_cache(maxsize=4)(Scene.from_toml)
 
 
 @lru_cache(maxsize=4)
-def _axial_round_trip_time(toml: str, length: float) -> float:
+def axial_round_trip_time(toml: str, length: float) -> float:
     """Time [s] of an axial wave to the other support and back."""
     return SceneData(toml, length).round_trip
 
@@ -270,7 +270,7 @@ def signals_over_common_time(r: Response, other: Response | None = None) -> dict
     """Signals of a run by design quantity, over the times that both runs cover; forces as means over a round trip."""
     time_span = time_span_for_extremes(r, other)
     until_valid = (float(r.t[0]), last_time_valid_in_all(r, other or r))
-    round_trip = _axial_round_trip_time(r.scene_toml, r.length)
+    round_trip = axial_round_trip_time(r.scene_toml, r.length)
     signals = {}
     for name, quantity in design_quantities(_scene_of_toml(r.scene_toml)).items():
         follows_force = unit_of(name) in ("N", "deg", "Pa", "m/s2") or name == "tension_over_wheel_min"
@@ -326,7 +326,7 @@ def _number_of_extreme(quantity: str, signal: Signal, r: Response, ladder: Ladde
     extreme = signal.extreme(r)
     if extreme is None:
         return _design_row(quantity, None, math.inf, unit) if quantity.startswith("clearance_") else None
-    if signal.quantity.inner and _is_at_end_of_time_or_cable(extreme, r, signal.time_span):
+    if signal.quantity.inner and _is_at_boundary(extreme, r, signal.time_span):
         return None
     bar = math.inf
     if ladder is not None:
@@ -384,7 +384,7 @@ class Signal:
         """A track (n,) of means over the period, of values along the cable their extremes."""
         if track.value.ndim > 1:
             return self._extremes_along_cable(track)
-        t, value, s = self._finite_samples_to_ends_of_time_span(track)
+        t, value, s = self._samples_in_time_span(track)
         if self.period and t.size > 2:
             low, high = (np.clip(t + half * self.period, t[0], t[-1]) for half in (-0.5, 0.5))
             value = time_means_between(t, value[:, None], low, high)[:, 0]
@@ -408,7 +408,7 @@ class Signal:
         at = (self.quantity.sign * value).argmax(axis=1)
         return Track(t, value[np.arange(t.size), at], track.s[at])
 
-    def _finite_samples_to_ends_of_time_span(self, track: Track) -> Track:
+    def _samples_in_time_span(self, track: Track) -> Track:
         """Samples in the time span, its ends included, where the signal is finite."""
         has_value = np.isfinite(track.value)
         t = track.t[has_value]
@@ -460,7 +460,7 @@ class Signal:
         return np.interp(times, t, value)
 
 
-def _is_at_end_of_time_or_cable(extreme: _Extreme, r: Response, time_span: tuple[float, float]) -> bool:
+def _is_at_boundary(extreme: _Extreme, r: Response, time_span: tuple[float, float]) -> bool:
     at_end_of_time = min(extreme.t - time_span[0], time_span[1] - extreme.t) <= 0.5 * extreme.step
     return bool(at_end_of_time or not 0.0 < extreme.s < r.length)
 

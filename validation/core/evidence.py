@@ -90,7 +90,7 @@ class Evidence:
         powers = {name: power[selected] for name, power in r.powers.items()}
         return Evidence(replace(r, **rows, powers=powers), self.windows)
 
-    def without_every_second_station_and_frame(self) -> Evidence:
+    def with_halved_fields(self) -> Evidence:
         """Without every second station and frame; window ends stay."""
         f = self.r.fields
         rows = np.arange(f.t.size) % 2 == 0
@@ -139,13 +139,13 @@ class Evidence:
         return np.stack([np.interp(t, self.r.t, column) for column in step_values.T], axis=1)
 
     def cumulative_time_integral(self, rate: Array) -> Array:
-        """Integral of a force or velocity (n, c) up to each step, (n, c); nan if it is unknown between the ends."""
+        """Integral of a rate (n, c) up to each step, (n, c); nan if it is unknown between the ends."""
         if not np.isfinite(rate[1:-1]).all():
             return np.full_like(rate, math.nan)
         return cumulative_integral(self.r.t, np.nan_to_num(rate), self.r.force_jump_times)  # nan on the supports
 
     def integral_up_to_window_times(self, rate: Array) -> Array:
-        """Integral of a force (n, c) up to each window time, (k, c); nan if it is unknown."""
+        """Integral of a rate (n, c) up to each window time, (k, c); nan if it is unknown."""
         total = self.cumulative_time_integral(rate)
         if np.isnan(total).any():
             return np.full((self.window_times.size, rate.shape[1]), math.nan)

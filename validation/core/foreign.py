@@ -389,7 +389,7 @@ def third_party_rows(
 
 def _distances_by_quantity(
     path: ForeignPath | Response, run: Response, part: Window, of_path: str
-) -> dict[str, tuple[Distance, str]]:  # fmt: skip
+) -> dict[str, tuple[Distance, str]]:
     """Comparable quantities, path first: a distance of two answers, and its components, `of_path` of the path."""
     distances: dict[str, tuple[Distance, str]] = {
         "path_max": (lambda a, b: measures.relative_path_gap(a, b, part).largest, of_path),

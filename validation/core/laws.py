@@ -87,8 +87,8 @@ class _EvidenceOfLadder:
         self.finest = self.by_run[id(ladder.finest)]
         steps = self.finest.without_every_second_step()
         self.sparse_steps = steps, steps.without_every_second_step()
-        stations = self.finest.without_every_second_station_and_frame()
-        self.sparse_stations = stations, stations.without_every_second_station_and_frame()
+        stations = self.finest.with_halved_fields()
+        self.sparse_stations = stations, stations.with_halved_fields()
 
 
 class _WorstComponent(NamedTuple):
@@ -101,7 +101,7 @@ class _WorstComponent(NamedTuple):
 
 
 def _worst_component(law: Law, judged: _EvidenceOfLadder) -> _WorstComponent:
-    """The worst component of a law's defect; nan where no frame shows the law."""
+    """The worst component of a law's defect; nan where no frame shows the law or it is unknown."""
     defect = law.defect(judged.finest)
     if not defect.s_o.size or not np.isfinite(defect.value).all():
         return _WorstComponent()
@@ -521,9 +521,7 @@ def mass_displacement_frames_vs_steps_defect(evidence: Evidence) -> Defect:
     return _defect_at_window_times(evidence, off / r.max_deflection)
 
 
-def _values_and_extrapolation_gaps(
-    evidence: Evidence, field_of_side: Callable[[Side], Array]
-) -> tuple[Array, ...]:  # fmt: skip
+def _values_and_extrapolation_gaps(evidence: Evidence, field_of_side: Callable[[Side], Array]) -> tuple[Array, ...]:
     """A field (m,) or (m, c) at the mass, and its gap to the extrapolation from either side; (k, 2 c).
 
     Both are zero at times at which it cannot be extrapolated.

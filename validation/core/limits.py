@@ -13,7 +13,6 @@ from cablefem.scene import Scene
 from cablefem.scene.limits import DEMANDS, TEXTS, Limits
 from cablefem.scene.line import Line
 from cablefem.scene.surroundings import GROUND
-from validation.core.quantities import text_with_bar
 
 MET = "met"
 NOT_MET = "not met"
@@ -76,13 +75,6 @@ def first_brake_or_arrival(events: Sequence[Row]) -> Row | None:
     return next((x for x in events if x["event"] in ("brake", "arrival")), None)
 
 
-def limit_text(row: Row) -> str:
-    """A limit with its value, bar and verdict, as "top speed 5.1 ± 0.1, at most 4 m/s (the scene): not met"."""
-    value = "" if row["value"] is None else f" {text_with_bar(row['value'], row['bar'])}"
-    limit = f"{row['side']} {row['limit']:.5g} {row['unit']}".rstrip()
-    return f"{row['demand']}{value}, {limit} ({row['source']}): {row['verdict']}"
-
-
 def worst_judged_row(rows: Sequence[Row]) -> Row | None:
     """The first row that is not met, else that is too close, else that is met; None if none could be judged."""
     for verdict in (NOT_MET, TOO_CLOSE, MET):
@@ -107,7 +99,7 @@ def any_limit_not_surely_met(rows: Sequence[Row]) -> bool:
     return any(row["verdict"] in (NOT_MET, TOO_CLOSE) for row in rows)
 
 
-def any_scene_not_surely_within_limits(rows: Sequence[Row]) -> bool:
+def any_scene_fails_limits(rows: Sequence[Row]) -> bool:
     """Whether a row of a table of scenes has a limit that is not met, or too close to tell."""
     return any(row.get("limits_met") in (NOT_MET, TOO_CLOSE) for row in rows)
 
@@ -136,9 +128,7 @@ def _drive_modes(scene: Scene | Line) -> set[str]:
 class _DemandedValues:
     """Values of demands from the numbers of an answer."""
 
-    def __init__(
-        self, scene: Scene | Line, limits: Limits, design: Sequence[Row], events: Sequence[Row]
-    ) -> None:  # fmt: skip
+    def __init__(self, scene: Scene | Line, limits: Limits, design: Sequence[Row], events: Sequence[Row]) -> None:
         self.scene = scene
         self.limits = limits
         self.design = [x for x in design if x["value"] is not None]

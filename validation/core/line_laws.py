@@ -104,7 +104,7 @@ class LineAtRest(LineData):
         return float(at[position if at.size > 1 else 0])
 
     def saddle_under_car(self, car: dict[str, Any], position: int) -> dict[str, Any] | None:
-        """The saddle on whose shoe a car rests at position i."""
+        """The saddle on whose shoe a car rests at a position."""
         x = self.x_of_car(car, position)
         return next((c for c in self.contacts if abs(x - c["at"][0]) <= c.get("shoe", -1.0)), None)
 
@@ -378,7 +378,7 @@ def _car_depth_on_shoe(left: Array, right: Array, x: float, top: Array) -> float
 
 def _numbers_at_contact(
     data: LineAtRest, empty: StateAtRest, rope: RopeAtRest, position: int, j: int
-) -> PositionNumbers:  # fmt: skip
+) -> PositionNumbers:
     """Numbers of contact j by kind: tension, and what saddle, counterweight or spring do."""
     contact = data.contacts[j]
     k = rope.station_index(contact["name"])
@@ -541,7 +541,9 @@ def _note_gaps_of_profile(gaps: LargestGaps, data: LineAtRest, rest: StatesAtRes
     x = np.array([float(row["x"]) for row in table])
     ropes = {i: RopeAtRest(data, state, data.stations_at_position(i)) for i, state in rest.states.items()}
     empty = RopeAtRest(data, rest.empty, data.contact_stations(), empty=True)
-    columns = _expected_profile(list(ropes.values()), empty, x)
+    depths = {i: rope.depth_and_tension_at_x(x)[0] for i, rope in ropes.items()}
+    columns = _expected_profile(list(ropes.values()), np.array(list(depths.values())), x)
+    columns["y_rest"] = empty.depth_and_tension_at_x(x)[0]
     rounding = ROUNDING * float(np.ptp(x))
     for name, expected in columns.items():
         allowed = ROUNDING * float(columns["tension_max"].max()) if "tension" in name else rounding
@@ -549,24 +551,21 @@ def _note_gaps_of_profile(gaps: LargestGaps, data: LineAtRest, rest: StatesAtRes
             where = f"x = {x[k]:.6g} m"
             gaps.note_difference(f"profile.csv, {name}", where, _float_or_none(table[k].get(name)), value, allowed)
             gaps.note_difference("ropes.json", where, drawn["profile"][name][k], value, allowed)
-    for position, depths in drawn["depths"].items():
-        expected, _ = ropes[int(position) - 1].depth_and_tension_at_x(x)
-        off = np.abs(np.subtract(depths, expected))
+    for position, drawn_depths in drawn["depths"].items():
+        off = np.abs(np.subtract(drawn_depths, depths[int(position) - 1]))
         gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / rounding)
 
 
-def _expected_profile(ropes: Sequence[RopeAtRest], empty: RopeAtRest, x: Array) -> dict[str, Array]:
-    """Columns of profile.csv at x (m,): the empty rope, and the extremes of depth and tension of all positions.
+def _expected_profile(ropes: Sequence[RopeAtRest], y: Array, x: Array) -> dict[str, Array]:
+    """Columns of profile.csv at x (m,): the extremes of depth y (positions, m) and tension of all positions.
 
     At a car that grips the tension jumps, and both of its values count.
     """
     near = 1e-9 * float(np.ptp(x))
     both_sides = [np.clip(x + dx, x[0], x[-1]) for dx in (-near, near)]
-    y = np.array([rope.depth_and_tension_at_x(x)[0] for rope in ropes])  # (positions, m)
     T = np.array([rope.depth_and_tension_at_x(side)[1] for rope in ropes for side in both_sides])
     return {
         "x": x,
-        "y_rest": empty.depth_and_tension_at_x(x)[0],
         "y_highest": y.min(axis=0),
         "y_lowest": y.max(axis=0),
         "tension_max": T.max(axis=0),

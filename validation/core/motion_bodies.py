@@ -47,9 +47,9 @@ class RopeContact:
         self.tau = unit_vector(behind + ahead)
         self.stretch = 0.5 * (np.abs(behind) + np.abs(ahead))
         self.projection = 0.5 * np.abs(behind + ahead) / self.stretch
-        self.kink = sampled(contact.tension_behind) * unit_vector(behind) - sampled(
-            contact.tension_ahead
-        ) * unit_vector(ahead)
+        pull_behind = sampled(contact.tension_behind) * unit_vector(behind)
+        pull_ahead = sampled(contact.tension_ahead) * unit_vector(ahead)
+        self.kink = pull_behind - pull_ahead
         self.turn = ahead - behind
         self.along = np.zeros(self.ds.size)  # f along the rope inside the pair
         self.on_shoe = np.zeros(self.ds.size)  # of the load, normal to tau
@@ -211,7 +211,7 @@ class CarBody:
         return contact_mass * v + m * dc
 
     def moment_and_angular_momentum(self) -> tuple[Array, Array]:
-        """M [N m] and L [N m s] with int (W M + W' L) dt = 0 for a window W: both of opposite sign.
+        """M [N m] and L [N m s] with int (W M + W' L) dt = 0 for a weight W: those of mechanics with the other sign.
 
         About c; of a cabin about its contact.
         """

@@ -311,7 +311,7 @@ def event_times(moved: LineRun) -> Array:
 
 
 def relative_unbalanced_work(moved: LineRun, every: int = 1) -> Array:
-    """Energy less work since the start (n,), over all work done;  every : that many steps one is taken."""
+    """Energy less work since the start (n,), over all work done;  every : of the steps, every n-th is taken."""
     motion = moved.motion
     steps = every_nth_step(motion.t, every)
     t = motion.t[steps]
@@ -328,7 +328,7 @@ def cumulative_integral(t: Array, values: Array) -> Array:
 
 
 def total_absolute_work(t: Array, powers: Sequence[Array]) -> float:
-    """The work [J] that all powers (n,) do, each with the sign of its own; 1 if there is none."""
+    """Sum [J] of the integrals of |power| of all powers (n,); 1 if that is zero."""
     return sum(float(cumulative_integral(t, np.abs(power))[-1]) for power in powers) or 1.0
 
 
@@ -424,11 +424,8 @@ def _car_series_with_extremes(moved: LineRun, line: Line) -> Iterator[tuple[str,
 def _contact_series_with_extremes(moved: LineRun) -> Iterator[tuple[str, Array, Sequence[str]]]:
     """Quantity, series (n,) and the extremes that count, of each contact."""
     for contact in moved.motion.contacts:
-        yield (
-            f"load:{contact.name}",
-            np.linalg.norm(moved.mean_over_axial_round_trip(contact.pressure), axis=1),
-            ("max",),
-        )
+        load = np.linalg.norm(moved.mean_over_axial_round_trip(contact.pressure), axis=1)
+        yield f"load:{contact.name}", load, ("max",)
         yield f"rise:{contact.name}", contact.rise, BOTH
         if contact.kind == "saddle":
             yield f"flow:{contact.name}", contact.s - contact.s[0], BOTH

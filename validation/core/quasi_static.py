@@ -29,7 +29,7 @@ NEAREST = 1e-6  # s_o/l from a support below which the path of a gripped car nee
 DOWN = np.array([0.0, 1.0])
 
 
-class Travel(NamedTuple):
+class CarKinematics(NamedTuple):
     """Times of steps, s_o and its first two derivatives (n,), dimensionless."""
 
     t: Array
@@ -46,7 +46,7 @@ def quasi_static(scene: Scene) -> Response:
     if scene.mass is None:
         raise ValueError(f"scene {scene.name!r} has no car")
     begin = time.perf_counter()
-    travel = _travel_kinematics(scene)
+    travel = _car_kinematics(scene)
     statics = Statics(scene.groups, None if scene.ride is None else scene.ride.path.rest)
     t = travel.t
     observed = LazyValue(partial(_observed_fields, scene, statics, travel))
@@ -66,17 +66,19 @@ def quasi_static(scene: Scene) -> Response:
     )  # fmt: skip
 
 
-def _observed_fields(scene: Scene, statics: Statics, travel: Travel) -> dict[str, Any]:
+def _observed_fields(scene: Scene, statics: Statics, travel: CarKinematics) -> dict[str, Any]:
     """The fields of a `Response` that are OBSERVED."""
     s = np.linspace(0.0, 1.0, STATIONS)
     n = travel.t.size
     frames = times_of_frames(scene, float(travel.t[-1]))
-    steps_and_frames = Travel(*(np.append(x, np.interp(frames, travel.t, x)) for x in travel))
+    steps_and_frames = CarKinematics(*(np.append(x, np.interp(frames, travel.t, x)) for x in travel))
     observed = _observe_steps_and_frames(scene.groups, statics, steps_and_frames, n, s)
     return observation_in_si(scene, observed, np.arange(n + frames.size) < n, s)
 
 
-def _observe_steps_and_frames(groups: Groups, statics: Statics, travel: Travel, steps: int, s: Array) -> Observation:
+def _observe_steps_and_frames(
+    groups: Groups, statics: Statics, travel: CarKinematics, steps: int, s: Array
+) -> Observation:
     """All that is known of the first rows of a travel, its steps, and of the frames after them; s : stations (m,)."""
     t, s_o, ds, dds = travel
     here = statics(s_o)
@@ -124,16 +126,16 @@ def _unit_mean_tangent(r: Rest) -> Array:
     return mean / np.linalg.norm(mean, axis=1)[:, None]
 
 
-def _travel_kinematics(scene: Scene) -> Travel:
+def _car_kinematics(scene: Scene) -> CarKinematics:
     motion = scene.groups.motion
     if motion is None:
         return _free_ride_kinematics(scene)
     t = np.linspace(0.0, motion.phases[-1][1], STEPS)
     phase = np.searchsorted([end for _, end in motion.phases[:-1]], t)
-    return Travel(t, *motion.positions_with_rates(t, phase))
+    return CarKinematics(t, *motion.positions_with_rates(t, phase))
 
 
-def _free_ride_kinematics(scene: Scene) -> Travel:
+def _free_ride_kinematics(scene: Scene) -> CarKinematics:
     """With the instants of events, at which forces jump."""
     ride = scene.ride
     assert ride is not None
@@ -145,7 +147,7 @@ def _free_ride_kinematics(scene: Scene) -> Travel:
     ds = np.zeros(t.size)
     if ride.sections:
         s_o, ds = ride.position_and_speed(t)
-    return Travel(t, s_o, ds, np.gradient(ds, t))
+    return CarKinematics(t, s_o, ds, np.gradient(ds, t))
 
 
 class Statics:

@@ -180,7 +180,7 @@ def refine_to_tolerance(
     max_broken = 3  # ladders one after the other that do not reach the end of the window
     while True:
         ladder = runs.compute_ladder(settings)
-        goal = Goal(path_bars_in_space_and_time(ladder, runs.view), tol)
+        goal = Goal(path_bar_parts(ladder, runs.view), tol)
         progress(0.3, f"{len(runs.made)} runs, bar {goal.bar:.1g} of {tol:g} wanted")
         broken = 0 if math.isfinite(goal.bar) else broken + 1
         if goal.bar_over_target <= 1.0 or broken == max_broken:
@@ -299,16 +299,16 @@ def exceeds_work_budget(method: Method, ladder: Ladder, finer: dict[str, Any], b
 Gap = Callable[[Response, Response, View], float]  # of a coarse run to a fine one
 
 
-def path_bars_in_space_and_time(ladder: Ladder, view: View) -> tuple[float, float]:
+def path_bar_parts(ladder: Ladder, view: View) -> tuple[float, float]:
     """The parts of the bar of the path; infinite if unknown."""
 
     def largest_gap(coarse: Response, fine: Response, view: View) -> float:
         return measures.relative_path_gap(coarse, fine, view.window).largest
 
-    return gap_bars_in_space_and_time(ladder, view, largest_gap)
+    return gap_bar_parts(ladder, view, largest_gap)
 
 
-def gap_bars_in_space_and_time(ladder: Ladder, view: View, gap: Gap, order: float = math.inf) -> tuple[float, float]:
+def gap_bar_parts(ladder: Ladder, view: View, gap: Gap, order: float = math.inf) -> tuple[float, float]:
     """The parts of the bar of a gap; infinite if unknown;  order : the most credited."""
     try:
         view = view.cut_to_valid_range(ladder.finest)
@@ -322,7 +322,7 @@ def with_error_bars(ladder: Ladder, view: View) -> Ladder:
     """The ladder with bars of path and tension in its finest run, else a flag."""
     finest = ladder.finest
     try:
-        path = path_bars_in_space_and_time(ladder, view)
+        path = path_bar_parts(ladder, view)
         view = view.cut_to_valid_range(finest)
         tension = ladder.only_runs_covering(view).bars_in_space_and_time(
             identity, lambda a, b: measures.rms_tension_gap(a, b, view.window), FIRST

@@ -8,7 +8,7 @@ from cablefem.scene import Scene
 from cablefem.scene.line import Line
 from validation.core import limits as judge
 from validation.core.agreement import Agreement
-from validation.core.answers import crosswind_sentences, force_means_sentence, outcome_of_run
+from validation.core.answers import crosswind_text, force_means_sentence, outcome_of_run
 from validation.core.measures import WINDOWS
 from validation.core.methods import find_method
 from validation.core.quantities import design_row_texts, key_numbers, limit_row_texts, text_with_bar
@@ -33,9 +33,7 @@ def _number_or_dash(value: float | None, digits: str) -> str:
 
 
 def print_run_summary(scene: Scene, r: Response) -> None:
-    """Print what became of a run, its events, the numbers that matter, what is left out of the wind,
-    and where the cable goes slack.
-    """
+    """Print what became of a run: outcome, events, the numbers that matter, wind left out, slack onset."""
     terminal.print_text(f"{r.scene}: {outcome_of_run(scene, r).sentence}", style="bold")
     print_limits(scene, judge.limit_rows(scene, r.design, r.events))
     print_last_five_events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
@@ -43,7 +41,7 @@ def print_run_summary(scene: Scene, r: Response) -> None:
     print_design_numbers(numbers)
     if numbers:
         terminal.print_text(f"  {force_means_sentence(r)}; path.csv has each time step")
-    if wind := crosswind_sentences(scene, r.model):
+    if wind := crosswind_text(scene, r.model):
         terminal.print_text(f"  {wind}", style="yellow")
     onset = next((row for row in r.design if row["quantity"] == "slack_onset"), None)
     if onset is not None:

@@ -37,7 +37,7 @@ class Cars(NamedTuple):
     forces: NDArray[np.int64]  # slots of F/M, or -1
     swings: NDArray[np.int64]  # slots of phi, or -1
     gravity: float
-    data: Array  # (1 or instants, m, 12) the first twelve of `bodies.Cars`
+    data: Array  # (1 or instants, m, 12) the first twelve of `bodies.CarLoadsAndMasses`
 
 
 class Line(NamedTuple):
@@ -160,7 +160,7 @@ def add_rope_rows(line: Line, at: Coordinates, rows: Array) -> float:
 def set_car_forces(car: Array, gravity: float, y: Array, out: Array) -> None:
     """Set out (5,) to C, Q, the load on the rope and the row of phi, from y (INPUTS,), see `bodies`.
 
-    car : the first twelve of `bodies.Cars`.
+    car : the first twelve of `bodies.CarLoadsAndMasses`.
     """
     mass, k, wind, mu, thrust, brake, hold, sign, lever, arm, inertia, resistance = car
     mx, my = 0.5 * (y[0] + y[2]), 0.5 * (y[1] + y[3])

@@ -39,7 +39,7 @@ from validation.core.refine import (
     BUDGET,
     Gap,
     TooCoarse,
-    gap_bars_in_space_and_time,
+    gap_bar_parts,
     refine_to_tolerance,
     refine_until_goal_met,
 )
@@ -139,7 +139,7 @@ def advice(scene: Scene, tol: float, report: Progress = no_progress) -> dict[str
     view = View.of_scene(scene)
     ladder = _refine_full_model(scene, view, tol, tolerances, report)
     full = ladder.finest
-    bars = {need: sum(gap_bars_in_space_and_time(ladder, view, *NEEDS[need])) for need in tolerances}
+    bars = {need: sum(gap_bar_parts(ladder, view, *NEEDS[need])) for need in tolerances}
     rungs = [Rung("full", "mass", full.seconds, bars, full)]
     if all(map(math.isfinite, bars.values())):
         view = view.cut_to_valid_range(full)
@@ -184,8 +184,7 @@ def _refine_full_model(scene: Scene, view: View, tol: float, tolerances: dict[st
     def worst_goal(ladder: Ladder) -> Goal:
         """The need whose bar exceeds its share most."""
         goals = [
-            Goal(gap_bars_in_space_and_time(ladder, view, *NEEDS[need]), SHARE * limit, FIRST)
-            for need, limit in tolerances.items()
+            Goal(gap_bar_parts(ladder, view, *NEEDS[need]), SHARE * limit, FIRST) for need, limit in tolerances.items()
         ]
         return max(goals, key=lambda goal: goal.bar_over_target)
 

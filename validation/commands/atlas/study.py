@@ -121,9 +121,8 @@ def _reference_run_with_error(toml: str) -> tuple[Response, float]:
     fine = run(scene, "following-p2", **settings)
     half = run(scene, "following-p2", **scaled_settings(find_method("following-p2"), settings, space=0.5, time=0.5))
     try:
-        return fine, measures.relative_path_gap(
-            half, fine, measures.common_window(half, fine)
-        ).largest / 3.0  # second order
+        gap = measures.relative_path_gap(half, fine, measures.common_window(half, fine)).largest
+        return fine, gap / 3.0  # second order
     except measures.NotComparable:
         return fine, math.inf
 

@@ -193,10 +193,10 @@ class _Reference:
 
     def response_errors(self, r: Response) -> dict[str, float]:
         """Errors of path and tension in the window, dimensionless."""
-        path, rms, _ = measures.relative_path_gap(r, self.run, self.window)
+        gap = measures.relative_path_gap(r, self.run, self.window)
         return {
-            "path_error": path,
-            "path_rms": rms,
+            "path_error": gap.largest,
+            "path_rms": gap.rms,
             "tension_error": measures.rms_tension_gap(r, self.run, self.window),
         }
 

@@ -46,14 +46,13 @@ def command(
 
     condition.parse_condition(so_that)
     how: Any = {"so_that": so_that, "model": model, "all_of": dict(map(_parse_key_and_values, all_of or []))}
+    scene = points[0].scene
     search: Callable[..., Any]
     if other is None:
-        search = partial(study.find, points[0].scene, {name: ends}, check=check, **how)
-    else:
-        search = partial(study.find_curve, points[0].scene, {name: ends}, *_parse_key_and_values(other), **how)
-    return _search_and_report(
-        points[0].scene, search, ["find.json"] if other is None else ["find.csv", "find.json"], out
-    )
+        search = partial(study.find, scene, {name: ends}, check=check, **how)
+        return _search_and_report(scene, search, ["find.json"], out)
+    search = partial(study.find_curve, scene, {name: ends}, *_parse_key_and_values(other), **how)
+    return _search_and_report(scene, search, ["find.csv", "find.json"], out)
 
 
 def _search_and_report(scene: Any, search: Callable[..., Any], writes: list[str], out: Path | None) -> int:

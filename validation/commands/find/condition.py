@@ -8,7 +8,8 @@ from typing import Any
 
 from cablefem.scene.errors import did_you_mean
 from validation.core.answers import Outcome
-from validation.core.limits import MET, first_brake_or_arrival, limit_text, worst_judged_row, worst_limit_columns
+from validation.core.limits import MET, first_brake_or_arrival, worst_judged_row, worst_limit_columns
+from validation.core.quantities import limit_row_texts
 from validation.core.scene_data import si_factor
 from validation.core.store import Refused
 from validation.page.answer import EVENTS
@@ -74,7 +75,13 @@ class Answer:
                 numbers[f"{event_name}.{name}"] = Number(event.get(name, math.nan), bar, unit)
         worst = worst_judged_row(limits)
         verdict = worst_limit_columns(limits).get("limits_met", "")
-        return cls(outcome.kind, outcome.sentence, numbers, verdict, "" if worst is None else limit_text(worst))
+        return cls(outcome.kind, outcome.sentence, numbers, verdict, "" if worst is None else _limit_sentence(worst))
+
+
+def _limit_sentence(row: dict[str, Any]) -> str:
+    """As "top speed 5.1 ± 0.1 m/s = 18.4 ± 0.4 km/h, at most 4 m/s = 14 km/h (the scene): not met"."""
+    text = limit_row_texts(row)
+    return f"{text['limit']} {text['value']}, {text['demanded']} ({text['by']}): {text['verdict']}"
 
 
 def _name_with_dots(name: str) -> str:
@@ -98,8 +105,8 @@ class Clause:
         return self.name == "outcome" or self.name.partition(".")[0] in EVENT_NAMES
 
     @property
-    def needs_bars(self) -> bool:
-        """Whether error bars decide it: a limit within the bar of a number is too close to tell."""
+    def is_about_limits(self) -> bool:
+        """Whether all limits must be met: error bars decide it, for within a bar a limit is too close to tell."""
         return self.text == LIMITS
 
     def number_in(self, answer: Answer) -> Number | None:
@@ -118,12 +125,12 @@ class Clause:
         if self.sign:
             number = self.number_in(answer)
             return None if number is None else number.value
-        return answer.limits if self.text == LIMITS else answer.kind
+        return answer.limits if self.is_about_limits else answer.kind
 
     def margin(self, answer: Answer) -> float:
         """By how much the clause holds, in SI, 0 for words; negative: it does not; nan: words do not, or no number."""
         if not self.sign:
-            return 0.0 if self.value_in(answer) == (MET if self.text == LIMITS else self.right) else math.nan
+            return 0.0 if self.value_in(answer) == (MET if self.is_about_limits else self.right) else math.nan
         number = self.number_in(answer)
         return math.nan if number is None else self.sign * (number.value - self.limit_in(number.unit))
 
@@ -150,7 +157,7 @@ def _parse_clause(text: str) -> Clause:
 def refuse_uncheckable_clauses(clauses: Sequence[Clause], answers: Sequence[Answer]) -> None:
     """Refused for a name that no answer knows and no event has, a unit that does not fit, and limits without any."""
     limited = any(answer.limits for answer in answers)
-    if not limited and any(clause.text == LIMITS for clause in clauses):
+    if not limited and any(clause.is_about_limits for clause in clauses):
         raise Refused(f"--so-that {LIMITS}: none are given; must be in [limits] or by --limits")
     for clause in clauses:
         if clause.sign:

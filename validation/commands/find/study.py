@@ -18,7 +18,7 @@ from cablefem.scene.errors import short_text
 from cablefem.scene.keys import list_keys as keys_of
 from cablefem.scene.line import Line
 from cablefem.scene.short import load_line_or_none
-from validation.commands.find.condition import LIMITS, Answer, Clause, parse_condition, refuse_uncheckable_clauses
+from validation.commands.find.condition import Answer, Clause, parse_condition, refuse_uncheckable_clauses
 from validation.core import store
 from validation.core.quantities import text_with_bar
 from validation.core.sidebyside import Progress, no_progress
@@ -225,7 +225,7 @@ class _Search:
         if value not in self.answers_by_value:
             try:
                 only_events = all(clause.needs_events_only for clause in self.clauses)
-                bars = any(clause.needs_bars for clause in self.clauses)
+                bars = any(clause.is_about_limits for clause in self.clauses)
                 self.answers_by_value[value] = [
                     answer_by_model(scene, self.model, only_events, bars) for scene in self.scenes_at(value)
                 ]
@@ -295,7 +295,7 @@ class _Search:
         clause = self.clauses[i % count]
         if answer.kind == NONE.kind:
             return answer.sentence
-        if clause.text == LIMITS:
+        if clause.is_about_limits:
             return answer.worst_limit or f"no limit can be judged: {answer.sentence}"
         if not clause.sign:
             return answer.sentence
@@ -419,7 +419,7 @@ def checked_answer_and_verdict(scene: Any, tol: float) -> tuple[Answer, str]:
 
 def find_curve(
     scene: Any, keys: Mapping[str, Sequence[float]], other_key: str, values: Sequence[Any], **how: Any
-) -> Curve:  # fmt: skip
+) -> Curve:
     """Find for each value of another key, by the least model; `how` as in `find`."""
     rows: list[dict[str, Any]] = []
     (key,) = keys

@@ -19,13 +19,13 @@ def sections(folder: Path) -> list[Section]:
     return render_sections(
         __package__,
         content=content,
-        ladders=_rows_of_shared_case_by_wing(content["rows"]),
+        ladders=_shared_case_rows_by_wing(content["rows"]),
         draw=_draw_errors,
         figure=captioned_figure,
     )
 
 
-def _rows_of_shared_case_by_wing(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+def _shared_case_rows_by_wing(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     """The rows of the case that every method goes through, by wing; none of a small part without such a case."""
     methods: dict[str, set[str]] = {}
     for row in rows:

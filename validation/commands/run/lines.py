@@ -119,7 +119,7 @@ def answer_and_report_lines(
         return 1
     if any(x["status"] != "complete" for x in rows):
         return 2
-    return int(require_limits and limits.any_scene_not_surely_within_limits(rows))
+    return int(require_limits and limits.any_scene_fails_limits(rows))
 
 
 def _folder_name(command: str, moves: bool) -> str:

@@ -34,11 +34,11 @@ from validation.core.motion_rows import (
     turning_and_wheel_load_series,
 )
 from validation.core.readback import (
+    drawn_motion_faults,
     limit_faults,
     limit_table_faults,
     line_design_number_faults,
     line_outcome_faults,
-    rope_csv_and_side_view_faults,
 )
 from validation.core.sidebyside import Progress, map_in_parallel, no_progress
 from validation.core.wheels import approximate_pitch_period, with_wheel_loads_by_hand
@@ -183,7 +183,7 @@ def run_ladders(solvers: Sequence[LineRuns], space: int, time: int, report: Prog
     def store_run(i: int, run: LineRun) -> None:
         solver, x = missing[i]
         solver.known[x] = run
-        done = sum(x in solver.known for solver, x in missing)
+        done = sum(at in of.known for of, at in missing)
         report(done / len(missing), f"{done} of {len(missing)} runs")
 
     map_in_parallel(lambda item: item[0].run(*item[1]), missing, store_run)
@@ -496,16 +496,15 @@ class MotionAnswers(LineAnswers):
             *limit_faults(self.limits, tomllib.loads(self.line.to_toml()), self.design, ()),
             *limit_table_faults(html, self.limits),
             *line_design_number_faults(html, self.design),
-            *rope_csv_and_side_view_faults(html, folder, self.motion),
+            *drawn_motion_faults(html, folder, self.motion),
             *line_outcome_faults(folder),
         ]
 
     def print_answer(self, seconds: float) -> None:
         """Print outcome, limits and the most important design numbers."""
         few = [d for d in self.design if d["quantity"].partition(":")[0] in TABLE_QUANTITIES]
-        printed = design_number_rows(
-            [d for d in few if d["value"]]
-        )  # a counterweight only sinks: its largest rise is 0
+        moving = [d for d in few if d["value"]]  # a counterweight only sinks: its largest rise is 0
+        printed = design_number_rows(moving)
         print_line_summary(self.line, self.outcome.sentence, self.limits, printed, len(self.design))
         terminal.print_text(f"  {means_sentence(self.moved.period)}; path-*.csv and contacts.csv have each time step")
         settings = ", ".join(f"{value} {name}" for name, value in self.moved.settings.items())

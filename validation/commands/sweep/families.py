@@ -191,7 +191,7 @@ def _random_car_table(
 
 
 def moving_line_and_fault_key(seed: int, case_number: int) -> tuple[Line, str | None]:
-    """A case of lines in motion, as `scene_and_key_changed_in_second_solver`."""
+    """A case of lines in motion, as `scene_and_fault_key`."""
     index = case_number if case_number < SOUND else case_number - SOUND
     rng = np.random.default_rng([seed, index])
     line = line_over_saddles(lambda low, high: float(rng.uniform(low, high)))
@@ -229,9 +229,7 @@ SOUND = 60  # cases without a fault
 FAULTS = ("mass.mass", "cable.EA", "cable.mass_per_length")  # and the speed of a travel
 
 
-def scene_and_key_changed_in_second_solver(
-    seed: int, case_number: int, families_name: str = "ropeway"
-) -> tuple[Scene | Line, str | None]:
+def scene_and_fault_key(seed: int, case_number: int, families_name: str = "ropeway") -> tuple[Scene | Line, str | None]:
     """The scene of a case of the study `power`, and the key that is 1 percent larger in the second solver.
 
     The first SOUND cases have no fault: None.

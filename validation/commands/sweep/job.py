@@ -104,9 +104,7 @@ def _results_of_job(study: Study, point: dict[str, Any], index: int) -> dict[str
             return out | _check_row(scene, how["tol"], None)
         case "advise":
             return out | _advice_row(scene, how["tol"])
-    return out | _check_row_with_planted_fault(
-        scene, study.scene_and_key_changed_in_second_solver(point)[1], how["tol"]
-    )
+    return out | _check_row_with_planted_fault(scene, study.scene_and_fault_key(point)[1], how["tol"])
 
 
 def _check_row_with_planted_fault(scene: Scene | Line, key: str | None, tol: float) -> dict[str, Any]:

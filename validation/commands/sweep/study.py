@@ -59,9 +59,8 @@ class Study(Part):
     scene: Scene | None = None  # None: every scene is made from its groups
     job: Literal["run", "check", "advise", "power"] = "run"
     method: Annotated[str, AfterValidator(_require_known_method)] | None = None  # None: the cheapest that will do
-    settings: dict[str, Any] = Field(
-        default_factory=dict
-    )  # of the method; of job power `families.scene_and_key_changed_in_second_solver`
+    # of the method; of job power `families.scene_and_fault_key`
+    settings: dict[str, Any] = Field(default_factory=dict)
     tol: Annotated[float, number_between(1e-6, 0.2)] | None = None
     seconds: Annotated[float, number_between(0.1, 86_400.0)] = 120.0  # a scene may take
     vary: Annotated[dict[str, Axis], PlainValidator(parse_grid_axes)] | None = None  # the full grid of all axes
@@ -170,7 +169,7 @@ class Study(Part):
     def scene_at(self, point: dict[str, Any]) -> Scene | Line:
         """The scene of a point; SceneError where it has faults."""
         if self.job == "power":
-            return self.scene_and_key_changed_in_second_solver(point)[0]
+            return self.scene_and_fault_key(point)[0]
         dotted = {k: v for k, v in point.items() if "." in k}
         groups = {k: v for k, v in point.items() if "." not in k and k not in RUN_OPTIONS}
         scene = Scene.from_groups(**groups) if self.scene is None else self.scene
@@ -179,12 +178,10 @@ class Study(Part):
         scene = scene.replace(dotted) if dotted else scene
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
-    def scene_and_key_changed_in_second_solver(self, point: dict[str, Any]) -> tuple[Scene | Line, str | None]:
+    def scene_and_fault_key(self, point: dict[str, Any]) -> tuple[Scene | Line, str | None]:
         """The scene of a point of job power, and the key of its planted fault; None: it has none."""
         seed = self.settings.get("seed", 0)
-        return families.scene_and_key_changed_in_second_solver(
-            seed, round(point["case"]), self.settings.get("families", "ropeway")
-        )
+        return families.scene_and_fault_key(seed, round(point["case"]), self.settings.get("families", "ropeway"))
 
     def run_options(self, point: dict[str, Any]) -> dict[str, Any]:
         """The entries of RUN_OPTIONS that the study names."""

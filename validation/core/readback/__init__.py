@@ -9,7 +9,7 @@ from validation.core.readback.find import find_faults
 from validation.core.readback.limits import limit_faults, limit_table_faults
 from validation.core.readback.lines import line_outcome_faults, line_terminal_faults
 from validation.core.readback.pages import page_faults
-from validation.core.readback.side_view import rope_csv_and_side_view_faults
+from validation.core.readback.side_view import drawn_motion_faults
 from validation.core.readback.stored import StoredResults
 from validation.core.readback.tables import line_design_number_faults
 from validation.core.readback.terminal import terminal_faults
@@ -19,6 +19,7 @@ from validation.core.readback.verification import verification_faults
 __all__ = [
     "FILES",
     "StoredResults",
+    "drawn_motion_faults",
     "file_faults",
     "find_faults",
     "limit_faults",
@@ -29,7 +30,6 @@ __all__ = [
     "page_faults",
     "path_csv_columns",
     "plain_text",
-    "rope_csv_and_side_view_faults",
     "terminal_faults",
     "verification_faults",
-]  # fmt: skip
+]

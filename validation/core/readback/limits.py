@@ -135,9 +135,7 @@ def _expected_limit_verdict(row: Row, value: float) -> str:
 Values = dict[str, dict[str, float]]  # numbers by kind, then by obstacle or contact
 
 
-def _value_of_demand(
-    demand: str, row: Row, scene: Row, design: Sequence[Row], events: Sequence[Row]
-) -> float | None:  # fmt: skip
+def _value_of_demand(demand: str, row: Row, scene: Row, design: Sequence[Row], events: Sequence[Row]) -> float | None:
     """The value of a demand; None where it is unknown."""
     values: Values = {}
     for number in design:

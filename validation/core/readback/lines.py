@@ -113,9 +113,7 @@ def line_outcome_faults(folder: Path) -> Faults:
             yield f"outcome: {summary['outcome']!r} does not say {part!r}"
 
 
-def _expected_outcome_kind(
-    summary: Row, design: dict[str, Row], hit: Sequence[Row], end_events: Sequence[Row]
-) -> str:  # fmt: skip
+def _expected_outcome_kind(summary: Row, design: dict[str, Row], hit: Sequence[Row], end_events: Sequence[Row]) -> str:
     """The kind of outcome that numbers and events at the end say; the first that holds."""
     if summary["status"] != "complete":
         return "incomplete"

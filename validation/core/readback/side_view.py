@@ -84,7 +84,7 @@ def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], stored: Sto
     of_car = _drawn_series_of_car(run)
     series |= {name: drawn[name] for name in of_car}
     expected |= of_car
-    beside_car = _series_beside_car(run)
+    beside_car = _series_beside_car(run, of_car)
     for beside in drawn["readout"]:
         name, _, unit = beside["name"].rstrip("]").partition(" [")
         values, si = beside_car[name]
@@ -110,10 +110,9 @@ def _drawn_series_of_car(run: Run) -> dict[str, Array]:
     }  # fmt: skip
 
 
-def _series_beside_car(run: Run) -> dict[str, tuple[Array, str]]:
-    """Series (k,) that are shown beside the car, and their SI units, by name."""
+def _series_beside_car(run: Run, of_car: dict[str, Array]) -> dict[str, tuple[Array, str]]:
+    """Series (k,) that are shown beside the car, and their SI units, by name; `of_car` of `_drawn_series_of_car`."""
     path = path_csv_columns(run)
-    of_car = _drawn_series_of_car(run)
     series = {f"tension {side}": (of_car[side], "N") for side in ("behind", "ahead")}
     series["deflection"] = run["fields.mass_v"], "m"
     for name, (column, si) in BESIDE.items():
@@ -145,7 +144,7 @@ class RopeGrid(NamedTuple):
     series: dict[str, Array]
 
 
-def rope_csv_and_side_view_faults(html_text: str, folder: Path, motion: Any) -> Faults:
+def drawn_motion_faults(html_text: str, folder: Path, motion: Any) -> Faults:
     """Faults of rope.csv, and of the side view of a line in motion; motion : a `cablefem.motion.LineMotion`."""
     rope = read_csv_columns(folder / "rope.csv")
     t = np.unique(rope["t"])

@@ -144,7 +144,7 @@ def _printed_third_party_faults(text: str, stored: StoredResults) -> Faults:
 
 LINE_CHECKS: tuple[tuple[str, Callable[[str, StoredResults], Faults]], ...] = (
     (r"  wind of ", crosswind_faults),
-    (r"  forces, decelerations and angles of the rope are means", _printed_means_faults),
+    (r"  forces(?:, decelerations)? and angles of the rope are means", _printed_means_faults),
     (r"  slack somewhere from car at ", _printed_slack_faults),
     (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", no_faults_in_words),
     (r"  by \S+ \(", _printed_run_faults),

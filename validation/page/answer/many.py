@@ -198,7 +198,7 @@ def run_table_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
 
 
 def grid_table(rows: list[Row], columns: Columns, first_key: str) -> Markup:
-    """A grid's table; on a phone a block begins with the first first_key and its value."""
+    """A grid's table; on a phone a block begins with `first_key` and its value."""
     cells = [{c.head: c.cell_text(x.get(name)).replace("-", "−") for name, c in columns.items()} for x in rows]
     for cell in cells:
         cell[first_key] = Markup('<span class="phone">{} </span>{}').format(first_key, cell[first_key])
