@@ -37,7 +37,7 @@ class FullCable:
     def tables_at(self, basis: Any, s_o: float) -> kernels.Points:
         """Quadrature points, Phi' and the static cable there."""
         s, weights, phi = basis.quadrature_with_slopes(s_o)
-        T, xp, yp, _, _ = self.groups.tension_and_shape_derivatives(s)
+        T, xp, yp = self.groups.tension_and_slope(s)
         return kernels.Points(s, phi, weights, T, np.array([xp, yp]))
 
     def _weighted_force_energy_and_tangent(self, points: kernels.Points, Q: Array) -> Array:
@@ -76,7 +76,7 @@ class FullCable:
 
     def force_energy_and_tangent_rows(self, s: Array, w_s: Array) -> Array:
         """Rows of `kernels.force_energy_and_tangent` at s (m,) for displacements of slope w' (2, m)."""
-        T, xp, yp, _, _ = self.groups.tension_and_shape_derivatives(s)
+        T, xp, yp = self.groups.tension_and_slope(s)
         return kernels.force_energy_and_tangent(T, np.array([xp, yp]), np.ascontiguousarray(w_s), self.alpha, self.law)
 
     def force_and_tangent(self, s: Array, w_s: Array) -> tuple[Array, Array]:
@@ -104,7 +104,7 @@ class ChordCable:
         self.curvature = 0.0 if model == "straight" else -self.weight[0] / self.T_chord  # y_n''
         # h is the same along the cable
         self.min_tension_at = min(1.0, max(0.0, groups.c / groups.sigma))
-        self.static_min_tension = float(groups.tension_and_shape_derivatives(self.min_tension_at)[0])
+        self.static_min_tension = float(groups.tension_and_slope(self.min_tension_at)[0])
 
     def tables_at(self, basis: Any, s_o: float) -> tuple[Array, Array]:
         """S (n, n) and b (n,)."""

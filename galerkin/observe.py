@@ -187,7 +187,7 @@ def _full_cable_forces(
     cable: FullCable, x: Measures, slopes: Array, w_s: Array, s: Array, frames: Array
 ) -> FullCableForces:  # fmt: skip
     """From r' by the basis: `slopes` beside the mass (2, n, 2), w_s = w' at stations s in these frames (k, 2, m)."""
-    T_o = cable.groups.tension_and_shape_derivatives(x.s_o)[0]
+    T_o = cable.groups.tension_and_slope(x.s_o)[0]
     static_o = cable.static_slope_and_curvature(x.s_o)[0]
     static = cable.static_slope_and_curvature(s)[0]
     balanced = forces_from_equilibrium(x, s, frames)
@@ -223,9 +223,9 @@ def _chord_tensions_and_strain_energy(cable: ChordCable, x: Measures, s: Array, 
     rows = zip(x.inside.tolist(), x.q[..., : x.system.n], strict=True)
     values = [cable.strain_energy_and_tension_rise(cable.tables_at(basis, s_o), Q) for s_o, Q in rows]
     strain, h = np.array(values).T
-    T = cable.groups.tension_and_shape_derivatives(x.s_o)[0] + h
+    T = cable.groups.tension_and_slope(x.s_o)[0] + h
     return {
         "T_behind": np.where(x.s_o > 0.0, T, np.nan), "T_ahead": np.where(x.s_o < 1.0, T, np.nan),
-        "T": cable.groups.tension_and_shape_derivatives(s)[0] + h[frames, None], "strain": strain,
+        "T": cable.groups.tension_and_slope(s)[0] + h[frames, None], "strain": strain,
         "tension_min": cable.static_min_tension + h, "tension_min_at": np.full(h.shape, cable.min_tension_at),
     }  # fmt: skip

@@ -110,7 +110,7 @@ class FollowingElements(CableElements):
         """d of `start`: inertia d + [N t - T t_static](X' + d) + load = 0."""
         if self.fields == 1:
             return -load / (inertia + self._law[1])
-        T, *slope = self.groups.tension_and_shape_derivatives(0.0)[:3]
+        T, *slope = self.groups.tension_and_slope(0.0)
         X_s = np.array(slope)
 
         def linearise(d: Array) -> tuple[Array, Array]:

@@ -119,7 +119,7 @@ def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int)
         basis, q=q, v=v, a=a, c=ds * chi, c_s=ds * chi_s, c_t=dds * chi, c_d=g.damping
     )
 
-    T, *slope = g.tension_and_shape_derivatives(np.asarray(basis_of_forces.global_coordinates())[0])[:3]
+    T, *slope = g.tension_and_slope(np.asarray(basis_of_forces.global_coordinates())[0])
     w_s = basis_of_forces.interpolate(unknowns[0]).grad[:, 0]
     law = float(system.law == "tension-only")
     r += internal_force_form.assemble(basis_of_forces, T=T, X_s=np.stack(slope), w_s=w_s, alpha=g.alpha, law=law)

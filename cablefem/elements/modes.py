@@ -45,7 +45,7 @@ def scaled_frequencies(
 
     M = mass.assemble(basis)[np.ix_(inner, inner)]
     if model == "full":
-        T, xp, yp, _, _ = groups.tension_and_shape_derivatives(s)
+        T, xp, yp = groups.tension_and_slope(s)
         axial = groups.alpha - T
         coupling = stiffness(axial * xp * yp)
         K = block_array([[stiffness(T + axial * xp * xp), coupling], [coupling, stiffness(T + axial * yp * yp)]])

@@ -177,7 +177,7 @@ def strain_state(system: CableElements, mesh_kinematics: Array, q: Array) -> Str
     weight = points.weights * h
     w_s = np.moveaxis(_multiply(points.slopes, q), 1, 0) / length  # (fields, p, n)
     if system.fields == 2:
-        T, *slope = system.groups.tension_and_shape_derivatives(s)[:3]
+        T, *slope = system.groups.tension_and_slope(s)
         X_s = np.array(slope)
         x = section_forces(X_s, T, w_s, system._law[0], system._law[3])
         f = x.force
@@ -270,7 +270,7 @@ def _station_fields(system: CableElements, along: StationFields, s: Array, rise:
         x if system.fields == 2 else np.tensordot(direction, x, 1) for x in (along.w, along.rate, along.slope)
     )  # (2, k, m)
     fields = {"u": w[0], "v": w[1], "du": rate[0], "dv": rate[1]}
-    T, *static = g.tension_and_shape_derivatives(s)[:3]
+    T, *static = g.tension_and_slope(s)
     if system.fields == 1:
         fields["T"] = T + rise[:, None]
         fields["T_pointwise"] = fields["T"]
@@ -298,7 +298,7 @@ def _tensions_reactions_and_kink(
     at_behind, at_ahead = (section_forces(static, T, slope - static, alpha, law) for slope in (behind, ahead))
     mean = 0.5 * (at_behind.force + at_ahead.force) + T * static  # <N t>
     kink = np.sum(mean * (ahead - behind), axis=0) - (at_ahead.energy - at_behind.energy)
-    T_ends, x_ends, y_ends = system.groups.tension_and_shape_derivatives(np.array([0.0, 1.0]))[:3]
+    T_ends, x_ends, y_ends = system.groups.tension_and_slope(np.array([0.0, 1.0]))
     static_ends = np.stack([T_ends * x_ends, T_ends * y_ends])  # (2 fields, 2 ends)
     return {
         "T_behind": _tension_from_momentum(system, end_forces[1], mesh_speed, (static, T, behind)),

@@ -27,6 +27,14 @@ def static_tension(s: Any, sigma: float, c: float) -> np.ndarray:
     return np.sqrt(1.0 + p * p)
 
 
+class TensionAndSlope(NamedTuple):
+    """T/H and first derivatives of x and y by s; arrays."""
+
+    T: np.ndarray
+    dx: np.ndarray
+    dy: np.ndarray
+
+
 class TensionAndShape(NamedTuple):
     """T/H and derivatives of x and y by s; arrays."""
 
@@ -37,13 +45,20 @@ class TensionAndShape(NamedTuple):
     ddy: np.ndarray
 
 
-def tension_and_shape_derivatives(s: Any, sigma: float, c: float) -> TensionAndShape:
-    """T, x', y', x'', y'' at s in [0, 1]."""
+def tension_and_slope(s: Any, sigma: float, c: float) -> TensionAndSlope:
+    """T, x', y' at s in [0, 1]."""
     p = c - sigma * np.asarray(s, dtype=float)
     T = np.sqrt(1.0 + p * p)
     xp = 1.0 / T
+    return TensionAndSlope(T, xp, p * xp)
+
+
+def tension_and_shape_derivatives(s: Any, sigma: float, c: float) -> TensionAndShape:
+    """T, x', y', x'', y'' at s in [0, 1]."""
+    T, xp, yp = tension_and_slope(s, sigma, c)
+    p = c - sigma * np.asarray(s, dtype=float)
     ypp = -sigma * xp * xp * xp  # a power is slow
-    return TensionAndShape(T, xp, p * xp, -p * ypp, ypp)
+    return TensionAndShape(T, xp, yp, -p * ypp, ypp)
 
 
 def coordinates(s: Any, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:

@@ -67,6 +67,10 @@ class Groups:
     drive: Drive = GRIP
     damping: float = 0.0  # c_d: the force on the cable is -c_d times its momentum
 
+    def tension_and_slope(self, s: Any) -> _catenary.TensionAndSlope:
+        """T, x', y' at s."""
+        return _catenary.tension_and_slope(s, self.sigma, self.c)
+
     def tension_and_shape_derivatives(self, s: Any) -> _catenary.TensionAndShape:
         """(T, x', y', x'', y'') at s in [0, 1]."""
         return _catenary.tension_and_shape_derivatives(s, self.sigma, self.c)

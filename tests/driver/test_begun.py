@@ -36,7 +36,7 @@ def test_a_car_let_in_on_the_way_begins_at_rest_on_the_loaded_cable(name, method
     v = exact.along[0] * g.motion.position_with_rates(0.0, 0)[1]
     assert np.linalg.norm(seen.path[0] - w) < tol * np.linalg.norm(w)
     assert np.linalg.norm(seen.path_velocity[0] - v) < tol * np.linalg.norm(v)
-    empty = np.array(g.tension_and_shape_derivatives(place)[1:3]) * g.motion.position_with_rates(0.0, 0)[1]
+    empty = np.array(g.tension_and_slope(place)[1:]) * g.motion.position_with_rates(0.0, 0)[1]
     assert np.linalg.norm(empty - v) > 10.0 * tol * np.linalg.norm(v)
 
 

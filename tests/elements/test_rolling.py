@@ -48,7 +48,7 @@ def lagrangian(system, q, v):
     """L of cable and car at unknowns (q, s_o) and their rates, from the energies."""
     g, s_o, ds = system.groups, q[-1], v[-1]
     cable = observe_cable(system, np.array([[s_o], [ds], [0.0]]), stack_states([State(0.0, q, v, 0.0 * q)]))
-    _, xp, yp, _, _ = g.tension_and_shape_derivatives(s_o)
+    _, xp, yp = g.tension_and_slope(s_o)
     m = 2 * system.node
     velocity = v[m : m + 2] + ds * np.array([xp, yp])
     depth = g.coordinates(s_o)[1] + q[m + 1]

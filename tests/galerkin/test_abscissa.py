@@ -44,7 +44,7 @@ def test_residual_is_that_of_the_wrapped_system(kink):
 def test_start_from_rest_tends_to_the_papers():
     """(48), g''(0) = M^-1(0) dF(0)/ds_o / (3 dds_o) with F of (27), is the limit of a balance close to the support."""
     wrapped = SystemOverPosition(GalerkinSystem(INCLINED, Daubechies(4, 1)))
-    _, xp, yp, _, _ = INCLINED.tension_and_shape_derivatives(0.0)
+    _, xp, yp = INCLINED.tension_and_slope(0.0)
     a, mu, sigma = INCLINED.motion.position_with_rates(0.0, 0)[2], INCLINED.mu, INCLINED.sigma
     basis = wrapped.system.basis.basis
     dF = -mu * np.multiply.outer([a * xp, a * yp - sigma], basis.phi(np.array([0.0]), 1)[0])

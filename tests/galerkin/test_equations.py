@@ -55,7 +55,7 @@ def static_shape_and_slope(system, s):
     """X, X' as the model's load sees them, (fields, ...)."""
     g = system.groups
     if system.fields == 2:
-        return np.array(g.coordinates(s)), np.array(g.tension_and_shape_derivatives(s)[1:3])
+        return np.array(g.coordinates(s)), np.array(g.tension_and_slope(s)[1:])
     k = g.sigma * g.chord_cos**2  # the parabola's curvature, tau = 1/chord_cos
     return np.array([0.5 * k * s * (1.0 - s)]), np.array([k * (0.5 - s)])
 
@@ -158,7 +158,7 @@ def paper_internal_force(system, s_o, q):
     """(25)-(26) term by term, gravity included, (2, n)."""
     g = system.groups
     s, w = gauss_points_of_sides(s_o)
-    T, xp, yp, _, _ = g.tension_and_shape_derivatives(s)
+    T, xp, yp = g.tension_and_slope(s)
     phi, slope, _ = basis_functions_and_rates(system, s, s_o)
     rx, ry = amplitudes_of_fields(system, q) @ slope.T + np.array([xp, yp])
     eps = np.hypot(rx, ry) - 1.0
@@ -193,7 +193,7 @@ def test_hanging_cable_is_an_exact_equilibrium(model, kink, basis):
     force, pull = system.cable.internal_force_and_tensions(place, np.zeros((system.fields, system.n)))
     least, where = system.cable.min_tension_and_position(system.basis, place, pull)
     assert np.abs(force).max() == 0.0
-    assert abs(least - STEEP.tension_and_shape_derivatives(where)[0]) < 1e-15
+    assert abs(least - STEEP.tension_and_slope(where)[0]) < 1e-15
 
 
 def test_a_straight_cable_bends_at_the_hat_alone():
@@ -228,7 +228,7 @@ def test_one_field_force_by_quadrature(model, kink):
     force, pull = system.cable.internal_force_and_tensions(place, q[None])
     least, _ = system.cable.min_tension_and_position(system.basis, place, pull)
     np.testing.assert_allclose(force[0], (w * (tau * w_s + h * (y_s + kap * w_s))) @ slope, rtol=0.0, atol=1e-11)
-    assert abs(least - (STEEP.tension_and_shape_derivatives(np.linspace(0.0, 1.0, 20001))[0].min() + h)) < 1e-8
+    assert abs(least - (STEEP.tension_and_slope(np.linspace(0.0, 1.0, 20001))[0].min() + h)) < 1e-8
 
 
 def test_ripples_are_not_slack():

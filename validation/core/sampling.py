@@ -171,7 +171,7 @@ def observation_in_si(scene: Scene, observation: Observation, steps: NDArray[np.
         **scaled_rows(~steps, "t", "s_o", *_TENSIONS),
         **scaled_rows(slice(None), "u", "v", "du", "dv", "T", "T_pointwise"), s=l * s,
         mass_u=mass_u, mass_v=mass_v, x=l * x_rest, y=l * y_rest,
-        T_static=H * scene.groups.tension_and_shape_derivatives(s)[0],
+        T_static=H * scene.groups.tension_and_slope(s)[0],
     )  # fmt: skip
     return {
         "fields": fields, **scaled_rows(steps, *_STEP_FORCES), "velocity": speed * observation.path_velocity[steps],

@@ -77,7 +77,7 @@ def _laws_of_held_car() -> list[Law]:
     positions = for_each_line(rest_position)
     balanced = for_each_line(lambda g: holding_force_by_car_balance(gripped_rest(TENTH, g)))
     # wrong on purpose: on the empty cable's shape
-    weights = for_each_line(lambda g: -g.mu * g.sigma * g.tension_and_shape_derivatives(TENTH)[2])
+    weights = for_each_line(lambda g: -g.mu * g.sigma * g.tension_and_slope(TENTH)[2])
     lowest = for_each_line(lambda g: g.c / g.sigma)
 
     statics = "statics alone"

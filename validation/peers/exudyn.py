@@ -34,7 +34,7 @@ def run_exudyn(groups: Groups, *, elements: int, steps: int) -> PeerPath:
 
     system = exudyn.SystemContainer().AddSystem()
     s = np.linspace(0.0, 1.0, elements + 1)
-    _, xp, yp, _, _ = groups.tension_and_shape_derivatives(0.0)
+    _, xp, yp = groups.tension_and_slope(0.0)
     speed = motion.position_with_rates(0.0, 0)[1]
     place_on_cable = system.AddNode(
         items.NodeGenericODE2(
@@ -150,9 +150,9 @@ def _add_cable_with_markers(
     """
     from exudyn import itemInterface as items
 
-    middle = groups.tension_and_shape_derivatives(0.5 * (s[1:] + s[:-1]))[0]
+    middle = groups.tension_and_slope(0.5 * (s[1:] + s[:-1]))[0]
     x, y = groups.coordinates(s)
-    _, xp, yp, _, _ = groups.tension_and_shape_derivatives(s)
+    _, xp, yp = groups.tension_and_slope(s)
     ground = system.AddNode(items.NodePointGround())
     fixed = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=ground, coordinate=0))
     rest = np.zeros((s.size, 4)) if rest is None else rest

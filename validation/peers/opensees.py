@@ -87,7 +87,7 @@ def _run_travel_with_wall_time(ops: Any, groups: Groups, t: Array, nodes: Array)
     X = nodes * up
     dt = float(t[1] - t[0])
     _, ds, dds = groups.motion.position_with_rates(0.0, 0)
-    _, xp, yp, _, _ = groups.tension_and_shape_derivatives(0.0)
+    _, xp, yp = groups.tension_and_slope(0.0)
     along = np.array([float(xp), -float(yp)])
     # free fall at first; from rest along the cable
     p = X[0]

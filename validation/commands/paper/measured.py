@@ -207,7 +207,7 @@ def start_formula_error(groups: Groups, d: float) -> float:
     system = GalerkinSystem(groups, Fourier(10))
     assert groups.motion is not None
     a = groups.motion.position_with_rates(0.0, 0)[2]
-    _, xp, yp, _, _ = groups.tension_and_shape_derivatives(np.zeros(1))
+    _, xp, yp = groups.tension_and_slope(np.zeros(1))
     slope = system.basis.basis.phi(np.zeros(1), 1)[0]
     force = np.array([a * xp[0], a * yp[0] - groups.sigma])
     load = -groups.mu * np.outer(slope, force)  # (terms, 2)
