@@ -167,10 +167,12 @@ def test_a_marker_that_is_none_makes_no_folder_ours(tmp_path):
         (tmp_path / "a").touch()
         assert store.commands_on_latest_scene(tmp_path) == []
         with pytest.raises(store.Refused):
-            store.claim_folder(tmp_path, "run", "x", ["a"])
+            store.claim_and_clear_folder(tmp_path, "run", "x", ["a"])
 
 
 @pytest.mark.parametrize(("title", "told"), [("My line", "My line"), ("", "mine")])
 def test_results_are_titled_as_their_scene_wherever_they_go(tmp_path, title, told):
     scene = Scene.load("bare").model_copy(update={"name": "mine", "title": title})
-    assert store.scene_title(store.claim_folder(tmp_path / "elsewhere", "check", scene, ["report.html"])) == told
+    assert (
+        store.scene_title(store.claim_and_clear_folder(tmp_path / "elsewhere", "check", scene, ["report.html"])) == told
+    )

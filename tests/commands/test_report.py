@@ -152,7 +152,7 @@ def test_verdicts_of_all_scenes_come_before_what_is_behind_them(tmp_path, monkey
 def test_two_commands_on_one_scene_may_have_pages_of_one_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for command in ("check", "run"):
-        folder = store.claim_folder(None, command, Scene.load("bare"), [command])
+        folder = store.claim_and_clear_folder(None, command, Scene.load("bare"), [command])
         store.mark_finished(folder, command)
     one = [Section("answer", "The answer", "<p>1</p>")]
     monkeypatch.setattr(report, "read_stored_sections", lambda folder, command: one)

@@ -10,7 +10,7 @@ import pytest
 from cablefem.scene.line import Line
 from tests.motion.test_check import EVERYTHING
 from validation.commands.run.motion import ELEMENTS, LineRuns, motion_answers
-from validation.core.readback import drawn_motion_faults
+from validation.core.readback import rope_csv_and_side_view_faults
 from validation.page.motion import motion_sections
 
 
@@ -40,14 +40,14 @@ def test_the_side_view_has_all_cars_and_weights_in_motion(answers_folder_and_pag
 def test_what_the_side_view_draws_is_what_was_computed(answers_folder_and_page):
     result, folder, html = answers_folder_and_page
     motion = result.motion
-    assert not list(drawn_motion_faults(html, folder, motion))
+    assert not list(rope_csv_and_side_view_faults(html, folder, motion))
     up, *others = motion.cars
     for wrong, told in (
         (dataclasses.replace(motion, tension=1.001 * motion.tension), "rope.csv: T"),
         (dataclasses.replace(motion, points=motion.points + 0.1), "rope.csv: x"),
         (dataclasses.replace(motion, cars=(dataclasses.replace(up, point=up.point + 0.1), *others)), "up: x"),
     ):
-        assert told in "; ".join(drawn_motion_faults(html, folder, wrong))
+        assert told in "; ".join(rope_csv_and_side_view_faults(html, folder, wrong))
 
 
 def test_the_page_says_the_scene_as_it_was_read(answers_folder_and_page):

@@ -40,7 +40,7 @@ def test_the_true_error_is_within_the_bar_and_the_bar_within_the_tolerance(scene
     ladder = refine_to_tolerance(scene, "following-p2", tol, until=0.8)
     r = ladder.finest
     assert measures.relative_path_gap(r, converged_runs[scene.name], WINDOW).largest <= r.path_error <= tol
-    assert measures.rms_tension_gap(r, converged_runs[scene.name], WINDOW) <= r.tension_error
+    assert measures.rms_tension_gap_over_H(r, converged_runs[scene.name], WINDOW) <= r.tension_error
     assert all(x.reached < 0.86 for x in ladder.runs)
     assert r.path_error == pytest.approx(r.error_parts["path_space"] + r.error_parts["path_time"])
 

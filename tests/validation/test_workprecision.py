@@ -147,8 +147,8 @@ def test_what_is_stored_is_what_was_found_and_a_second_call_measures_nothing_ane
 def test_another_scene_is_not_gone_on_with(small_chart, tmp_path):
     stored = (small_chart[0] / "chart.json").read_text()
     (tmp_path / "chart.json").write_text(stored)
-    assert store.read_json_with_entries(tmp_path / "chart.json", scene_toml=LEVEL.to_toml())["rows"]
-    assert store.read_json_with_entries(tmp_path / "chart.json", scene_toml=Scene.load("inclined").to_toml()) == {}
+    assert store.read_json_or_empty(tmp_path / "chart.json", scene_toml=LEVEL.to_toml())["rows"]
+    assert store.read_json_or_empty(tmp_path / "chart.json", scene_toml=Scene.load("inclined").to_toml()) == {}
 
 
 @pytest.mark.slow  # many figures

@@ -9,7 +9,7 @@ import numpy as np
 from cablefem.response import Array, Response, write_csv, write_json
 from cablefem.scene import Scene
 from validation.core import limits
-from validation.core.clearances import rope_at_frames
+from validation.core.clearances import rope_and_mass_at_frames
 from validation.core.design import axial_round_trip_time, design_numbers
 from validation.core.measures import last_time_valid_in_all, position_where_mass_outruns_waves
 
@@ -58,7 +58,7 @@ def outcome_of_run(scene: Scene, r: Response) -> Outcome:
     """
     needs_numbers = scene.cable.breaking_load or scene.obstacle or scene.ground
     numbers = {row["quantity"]: row for row in r.design or design_numbers(r)} if needs_numbers else {}
-    end = _outcome_of_motion(scene, r)
+    end = _end_of_motion(scene, r)
     sentence = "; ".join([*_hit_or_too_close_sentences(numbers), end.sentence])
     load = scene.cable.breaking_load
     safety = numbers.get("safety_factor_min")
@@ -98,12 +98,12 @@ def _hit_or_too_close_sentences(numbers: dict[str, dict[str, Any]]) -> list[str]
     return sentences
 
 
-def _outcome_of_motion(scene: Scene, r: Response) -> Outcome:
+def _end_of_motion(scene: Scene, r: Response) -> Outcome:
     """How the car's motion ends, free or prescribed."""
     if r.status != "complete" and r.slack_onset is None:
         broke = f"the computation broke at {r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s: {r.reason}"
         return Outcome("incomplete", broke)
-    end = _outcome_of_free_ride(scene, r) if r.drive == "free" else _outcome_of_prescribed_travel(scene, r)
+    end = _end_of_free_ride(scene, r) if r.drive == "free" else _end_of_prescribed_travel(scene, r)
     first = next((event for event in r.events if event["event"] == "lift_off"), None)
     if first is None:
         return end
@@ -111,7 +111,7 @@ def _outcome_of_motion(scene: Scene, r: Response) -> Outcome:
     return Outcome(end.kind, f"{lifts_off}; if it were held down: {end.sentence}")
 
 
-def _outcome_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:
+def _end_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:
     """Whether the travel of the scene crosses, stops or is hauled, and from where on no answer is valid."""
     # past the slack onset nothing is compared
     motion = scene.groups.motion
@@ -140,7 +140,7 @@ def _slack_or_slow_waves_clause(r: Response) -> str:
     return ""
 
 
-def _outcome_of_free_ride(scene: Scene, r: Response) -> Outcome:
+def _end_of_free_ride(scene: Scene, r: Response) -> Outcome:
     """Where and when a free car arrives, stops, rolls back or is when the run ends."""
     events = {e["event"]: e for e in r.events}  # the last of each kind
     ends = [events[name] for name in ("arrival", "back", "stop") if name in events]
@@ -175,7 +175,7 @@ def profile_columns(r: Response) -> dict[str, Array]:
     rest = np.interp(x, f.x, f.y)
     depth = [rest]
     tension = [np.interp(x, f.x, f.T_static)]
-    for t, x_cable, y, T in zip(f.t, *rope_at_frames(r), strict=True):
+    for t, x_cable, y, T in zip(f.t, *rope_and_mass_at_frames(r), strict=True):
         if t > end:
             break
         depth.append(np.interp(x, x_cable, y))

@@ -194,7 +194,7 @@ def _window_text(window: Window, a: OneSpan, b: OneSpan) -> str:
 
 
 def _path_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
-    x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.with_zero_u, (a, b))
+    x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.with_zero_u_and_x, (a, b))
     gap, rms, where = measures.relative_path_gap(x, y, window)
     _, positions, distances = measures.relative_path_distances(x, y, window)
     why = [f"relative to {b.path_scale_name} {b.path_scale:.4g} m"]
@@ -211,9 +211,9 @@ def _path_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agr
 
 def _tension_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
     if isinstance(a, Response) and isinstance(b, Response):
-        gap = measures.rms_tension_gap(a, b, window)
+        gap = measures.rms_tension_gap_over_H(a, b, window)
         frames, _, _ = measures.common_frames(a, b, window)
-        worst = max(frames.tolist(), key=lambda frame: measures.rms_tension_gap(a, b, (frame, frame)))
+        worst = max(frames.tolist(), key=lambda frame: measures.rms_tension_gap_over_H(a, b, (frame, frame)))
         why = f"rms of the field off the mass, over H; over {_window_text(window, a, b)}"
     else:
         for r in (a, b):

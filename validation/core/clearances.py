@@ -18,7 +18,7 @@ class RopeFrames(NamedTuple):
     tension: Array  # [N]
 
 
-def rope_at_frames(r: Response) -> RopeFrames:
+def rope_and_mass_at_frames(r: Response) -> RopeFrames:
     """Points and tension of the rope, at the mass the larger of both sides."""
     from scipy.interpolate import CubicSpline  # slow to load
 
@@ -60,10 +60,11 @@ def clearance_tracks(scene: Scene, r: Response) -> Clearances:
     Empty where the car never passes.  An obstacle is a ground of one point.
     """
     below = 0.0 if scene.mass is None else scene.mass.below
+    rope = rope_and_mass_at_frames(r)
     tracks = {}
     for name, ground in obstacle_and_ground_profiles(scene).items():
         at_car = _rope_height_at_car(r, ground)
-        tracks["rope", name] = _merged_in_time_order(at_car, _min_rope_height_at_frames(r, ground))
+        tracks["rope", name] = _merged_in_time_order(at_car, _min_rope_height_at_frames(r, rope, ground))
         tracks["car", name] = at_car._replace(value=at_car.value - below)
     return tracks
 
@@ -88,9 +89,8 @@ def _rope_height_at_car(r: Response, ground: Array) -> Track:
     return _merged_in_time_order(*parts)
 
 
-def _min_rope_height_at_frames(r: Response, ground: Array) -> Track:
+def _min_rope_height_at_frames(r: Response, rope: RopeFrames, ground: Array) -> Track:
     """Smallest height of the rope over the ground at each frame; nan where there is no ground below it."""
-    rope = rope_at_frames(r)
     heights = np.full(len(rope.x), np.nan)
     s = np.full(len(rope.x), np.nan)
     for k, (x_rope, y_rope) in enumerate(zip(rope.x, rope.y, strict=True)):

@@ -258,10 +258,10 @@ def _with_t_and_s_o(scene: Scene, columns: dict[str, Array]) -> dict[str, Array]
             s_o = np.interp(columns.get("x", s[:1]), scene.catenary.x(s), s)
         _refuse_off_cable(s_o, float(s_o.max()), l)
         return columns | {"s_o": s_o}
-    return _completed_by_travel(scene, scene.groups.motion, columns)
+    return _matched_to_travel(scene, scene.groups.motion, columns)
 
 
-def _completed_by_travel(scene: Scene, motion: Motion, columns: dict[str, Array]) -> dict[str, Array]:
+def _matched_to_travel(scene: Scene, motion: Motion, columns: dict[str, Array]) -> dict[str, Array]:
     """The columns with t and s_o by the scene's travel, up to its end; Refused if t and s_o are another travel."""
     l = scene.length
     tau = scene.time_scale
@@ -314,7 +314,7 @@ def refuse_wrong_unit_or_direction(path: MassPath, ours: Response) -> None:
         off = {}
         for factor in (sign * unit for unit in (1.0, 1e-3, 1e3, l, 1.0 / l) for sign in (1.0, -1.0)):
             changed = replace(path, **{column: factor * getattr(path, column)})
-            off[factor] = measures.relative_path_gap(with_zero_u(changed), with_zero_u(ours), window).rms
+            off[factor] = measures.relative_path_gap(with_zero_u_and_x(changed), with_zero_u_and_x(ours), window).rms
     except NotComparable:
         return
     best = min(off, key=off.__getitem__)
@@ -326,7 +326,7 @@ def refuse_wrong_unit_or_direction(path: MassPath, ours: Response) -> None:
         )
 
 
-def with_zero_u(r: Any) -> Any:
+def with_zero_u_and_x(r: Any) -> Any:
     """A path with zero u, and zero x, to compare with one that lacks u."""
     return replace(r, u=np.zeros_like(r.v), x=np.zeros_like(r.v))
 
@@ -362,8 +362,8 @@ def third_party_rows(
     along, upright = ("x", "y") if ladder.finest.drive == "free" else ("u", "v")
     of_path = f"{along} and {upright}"
     if path.u is None:
-        path = with_zero_u(path)
-        ladder = ladder.map(with_zero_u)
+        path = with_zero_u_and_x(path)
+        ladder = ladder.map(with_zero_u_and_x)
         of_path = f"{upright} alone"
     other = path.method
     run = ladder.finest

@@ -365,7 +365,7 @@ def car_start_at_rest_defect(evidence: Evidence) -> Defect:
     data = evidence.data
     friction = None if r.drive == "free" else data.drive.get("rolling_friction", 0.0)
     cable = rest.EmptyCable((data.span, data.drop), data.EA, data.rho * data.gravity, r.length, r.horizontal_tension)
-    expected = rest.car_position_at_rest(cable, float(r.s_o[0]), data.weight, friction)
+    expected = rest.car_point_at_rest(cable, float(r.s_o[0]), data.weight, friction)
     off = np.array([r.x[0], r.y[0]]) - expected
     return _defect_without_position(*(off / r.max_deflection))
 

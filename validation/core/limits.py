@@ -99,7 +99,7 @@ def any_limit_not_surely_met(rows: Sequence[Row]) -> bool:
     return any(row["verdict"] in (NOT_MET, TOO_CLOSE) for row in rows)
 
 
-def any_scene_fails_limits(rows: Sequence[Row]) -> bool:
+def any_scene_may_break_limits(rows: Sequence[Row]) -> bool:
     """Whether a row of a table of scenes has a limit that is not met, or too close to tell."""
     return any(row.get("limits_met") in (NOT_MET, TOO_CLOSE) for row in rows)
 

@@ -176,7 +176,7 @@ def common_frames(a: Response, b: Response, window: Window) -> CommonFrames:
     return CommonFrames(position[within], i[within], j[within])
 
 
-def rms_tension_gap(a: Response, b: Response, window: Window, field: str = "T") -> float:
+def rms_tension_gap_over_H(a: Response, b: Response, window: Window, field: str = "T") -> float:
     """Rms gap of two tension fields over frames in the window, off the mass, over H;  field : a name of `Fields`."""
     position, i, j = common_frames(a, b, window)
     off_mass = np.abs(a.fields.s / a.length - position[:, None]) >= JUMP_WIDTH  # (frames, stations)
@@ -268,7 +268,7 @@ def _piecewise_spline(t: Array, values: Array, kinks: Sequence[float], times: Ar
     return out
 
 
-def rms_displacement_gap(
+def relative_displacement_gap(
     a: Response, b: Response, window: Window, *, velocity: bool = False, along_cable: bool = False
 ) -> float:
     """Rms distance of displacements, or velocities, across (or along) the static cable, over the rms of b.

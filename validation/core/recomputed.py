@@ -23,7 +23,7 @@ from validation.core.measures import (
     position_where_mass_outruns_waves,
     time_span_for_extremes,
 )
-from validation.core.rest import EmptyCable, car_position_at_rest
+from validation.core.rest import EmptyCable, car_point_at_rest
 from validation.core.scene_data import (
     ROUNDING,
     SceneData,
@@ -165,7 +165,7 @@ def _max_sag_of_car_at_rest(r: Response, data: SceneData) -> float:
     friction = data.drive.get("rolling_friction", 0.0) if r.drive == "haul" else None
     s_o = r.length * np.linspace(0.02, 0.98, 49)
     cable = EmptyCable((data.span, data.drop), data.EA, data.rho * data.gravity, r.length, r.horizontal_tension)
-    points = [car_position_at_rest(cable, float(s), data.weight, friction) for s in s_o]
+    points = [car_point_at_rest(cable, float(s), data.weight, friction) for s in s_o]
     x, y = np.array(points).T
     sag = y - x * data.drop / data.span
     k = int(np.clip(np.nanargmax(sag), 1, s_o.size - 2))

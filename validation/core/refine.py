@@ -128,10 +128,10 @@ class RunsOfMethod:
         def continued(run: Response) -> Response:
             return finest if run.settings == finest.settings else self.run_with(run.settings, until)
 
-        ladder = replace(ladder.map(continued), start_gap=self._start_error_bar(finest))
+        ladder = replace(ladder.map(continued), start_gap=self._relative_start_gap(finest))
         return with_error_bars(ladder, self.view)
 
-    def _start_error_bar(self, finest: Response) -> Array | float:
+    def _relative_start_gap(self, finest: Response) -> Array | float:
         """See `Ladder`; zero where the coarser runs resolve the distance, or no run needs to."""
         start = float(finest.s_o[0]) / finest.length
         space = self.method.resolution.setting
@@ -325,7 +325,7 @@ def with_error_bars(ladder: Ladder, view: View) -> Ladder:
         path = path_bar_parts(ladder, view)
         view = view.cut_to_valid_range(finest)
         tension = ladder.only_runs_covering(view).bars_in_space_and_time(
-            identity, lambda a, b: measures.rms_tension_gap(a, b, view.window), FIRST
+            identity, lambda a, b: measures.rms_tension_gap_over_H(a, b, view.window), FIRST
         )
         measures.relative_path_gap(finest, finest, view.window)
         if not math.isfinite(sum(path)):
@@ -346,7 +346,7 @@ def with_error_bars(ladder: Ladder, view: View) -> Ladder:
     return replace(ladder, finest=barred)
 
 
-def path_bar_of_run(r: Response) -> float:
+def path_bar_from_coarser_runs(r: Response) -> float:
     """The bar of the path by the solver's own coarser runs; `path_error` of a check is at least the gap."""
     parts = r.error_parts or {}
     return parts.get("path_space", math.inf) + parts.get("path_time", math.inf)

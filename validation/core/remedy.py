@@ -91,7 +91,7 @@ class Remedies:
         try:
             changed = change.applied_to(self.path, self.scene, amount)
             if changed.u is None:
-                pair = foreign.with_zero_u(changed), foreign.with_zero_u(run)
+                pair = foreign.with_zero_u_and_x(changed), foreign.with_zero_u_and_x(run)
                 return measures.relative_path_gap(*pair, self.window).rms
             return measures.relative_path_gap(changed, run, self.window).rms
         except (NotComparable, Refused):

@@ -30,7 +30,7 @@ class EmptyCable(NamedTuple):
 
 
 @cache
-def car_position_at_rest(cable: EmptyCable, s_o: float, car_weight: float, friction: float | None) -> Array:
+def car_point_at_rest(cable: EmptyCable, s_o: float, car_weight: float, friction: float | None) -> Array:
     """Point (2,) [m] of a car at s_o [m]; nan if there is no solution.
 
     friction : of a car on its rope over its contact force; None: the car is clamped to the cable.

@@ -118,9 +118,9 @@ TABLE = (
     Quantity("contact", _gap_of_series("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
     Quantity("haul_force", _gap_of_series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_hauled),
     Quantity("thrust", _gap_of_series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_free),
-    Quantity("tension", _gap_of_fields(measures.rms_tension_gap), "rest"),
-    Quantity("displacement", _gap_of_fields(measures.rms_displacement_gap), "rest"),
-    Quantity("displacement", _gap_of_fields(measures.rms_displacement_gap, along_cable=True), "rest", ALONG),
+    Quantity("tension", _gap_of_fields(measures.rms_tension_gap_over_H), "rest"),
+    Quantity("displacement", _gap_of_fields(measures.relative_displacement_gap), "rest"),
+    Quantity("displacement", _gap_of_fields(measures.relative_displacement_gap, along_cable=True), "rest", ALONG),
     Quantity("speed", _gap_of_series("speed", over="top_speed", largest=True), ""),
     Quantity("tension_behind", _gap_of_series("T_behind", over="H"), ""),
     Quantity("tension_ahead", _gap_of_series("T_ahead", over="H"), ""),
@@ -128,8 +128,10 @@ TABLE = (
     Quantity("contact", _gap_of_series("F_contact", over="weight"), ""),
     Quantity("haul_force", _gap_of_series("F_haul", over="weight"), "", concerns=_hauled),
     Quantity("thrust", _gap_of_series("F_haul", over="weight"), "", concerns=_free),
-    Quantity("velocity", _gap_of_fields(measures.rms_displacement_gap, velocity=True), ""),
-    Quantity("velocity", _gap_of_fields(measures.rms_displacement_gap, velocity=True, along_cable=True), "", ALONG),
+    Quantity("velocity", _gap_of_fields(measures.relative_displacement_gap, velocity=True), ""),
+    Quantity(
+        "velocity", _gap_of_fields(measures.relative_displacement_gap, velocity=True, along_cable=True), "", ALONG
+    ),
 )
 
 

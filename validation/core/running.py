@@ -30,7 +30,7 @@ from validation.core.methods import Method, find_method
 from validation.core.sampling import FRAMES, History, Onset, limited_to_one_blas_thread, response_of_history
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.solver import Solver
-from validation.core.watch import with_flags
+from validation.core.watch import with_energy_gain_and_flags
 
 # for rules that do not damp, on the slack cable; Newmark's damping is of first order
 ON_SLACK = newmark.scheme("generalized-alpha", rho_inf=0.8)
@@ -103,7 +103,7 @@ class Run:
         if self._latest is None or self._latest[0] != now:
             options = {"method": self.method.name, "settings": self.settings, **self.run_options}
             response = response_of_history(self.scene, self.history, frames=self.frames, **options)
-            self._latest = now, with_flags(response, self.scene, self.method)
+            self._latest = now, with_energy_gain_and_flags(response, self.scene, self.method)
         return self._latest[1]
 
     def march_to(self, until: float | None, progress: Progress = no_progress) -> None:

@@ -30,7 +30,7 @@ def study_folder_name(name: str, quick: bool) -> str:
     return f"{name}-quick" if quick else name
 
 
-def claim_folder(out: Path | None, command: str, scene: Any, writes: Sequence[str]) -> Path:
+def claim_and_clear_folder(out: Path | None, command: str, scene: Any, writes: Sequence[str]) -> Path:
     """The folder for a command's results, made and marked; Refused if a file that is not ours has one of their names.
 
     out : None: cablefem-out/SCENE.
@@ -131,7 +131,7 @@ def read_json(file: Path) -> Any:
 
 def _read_marker(folder: Path) -> dict[str, Any]:
     """What the folder's marker says; {} without one, or with an older version's."""
-    marker = read_json_with_entries(folder / MARKER)
+    marker = read_json_or_empty(folder / MARKER)
     if not ({"scene", "results"} <= set(marker) and isinstance(marker["results"], dict)):
         return {}
     ours = all(isinstance(result, dict) and "files" in result for result in marker["results"].values())
@@ -144,7 +144,7 @@ def _write_marker(folder: Path, marker: dict[str, Any]) -> None:
     write_json(folder / MARKER, marker)
 
 
-def read_json_with_entries(file: Path, **entries: Any) -> dict[str, Any]:
+def read_json_or_empty(file: Path, **entries: Any) -> dict[str, Any]:
     """The JSON object in a file if it has these entries, else {}."""
     try:
         content = read_json(file)

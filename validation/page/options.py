@@ -208,7 +208,7 @@ def _faults_of_undotted_keys(settings: Mapping[str, Any], scene_type: type[Any])
 @contextmanager
 def writing_results(out: Path | None, command: str, scene: Scene | str, files: list[str]) -> Iterator[Path]:
     """Claim the folder; after the `with` block mark it finished, and print what was written."""
-    folder = store.claim_folder(out, command, scene, files)
+    folder = store.claim_and_clear_folder(out, command, scene, files)
     yield folder
     store.mark_finished(folder, command)
     terminal.print_text(f"written to {folder}: {', '.join(files)}")
@@ -223,7 +223,7 @@ def run_study(
     """
     from validation.page import report
 
-    folder = store.claim_folder(out, command, scene, files)
+    folder = store.claim_and_clear_folder(out, command, scene, files)
     with terminal.progress_bars() as progress:
         results = study(*inputs, folder, progress)
         report.write_report_and_finish(folder, command)

@@ -97,7 +97,7 @@ def claim_for_missing_parts(root: Path, parts: Sequence[Part]) -> list[Part]:
     """
     if set(store.commands_on_latest_scene(root)) - {"report"}:
         return []
-    store.claim_folder(root, "report", "report", ["report.html"])
+    store.claim_and_clear_folder(root, "report", "report", ["report.html"])
     return [part for part in parts if not store.is_finished(root / _folder_name_of_part(part), part[0])]
 
 

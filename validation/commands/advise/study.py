@@ -31,7 +31,7 @@ from cablefem.scene import LoadPath, Scene
 from cablefem.scene.ride import roll_ride
 from validation.core import store
 from validation.core.ladder import Goal, Ladder
-from validation.core.measures import JUMP_WIDTH, NotComparable, rms_tension_gap, series_gap
+from validation.core.measures import JUMP_WIDTH, NotComparable, rms_tension_gap_over_H, series_gap
 from validation.core.methods import METHODS, find_method
 from validation.core.order import FIRST
 from validation.core.quasi_static import Statics, quasi_static
@@ -71,7 +71,7 @@ FORCES = ("tension", "haul force")
 # need -> distance of two runs, and the largest order credited
 NEEDS: dict[str, tuple[Gap, float]] = {
     "timetable": (_timetable_gap, math.inf), "path": (partial(_relative_series_gap, "v"), math.inf),
-    "tension": (lambda a, b, view: rms_tension_gap(a, b, view.window), 1.0),
+    "tension": (lambda a, b, view: rms_tension_gap_over_H(a, b, view.window), 1.0),
     "haul force": (lambda a, b, view: _relative_series_gap("F_haul", a, b, view, view.axial_round_trip), 1.0),
 }  # fmt: skip
 OF = {"grip": ("path", "tension"), "free": ("timetable", "path", "tension"), "haul": ("path", "tension", "haul force")}
@@ -125,7 +125,7 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = no_progress) 
     if not (math.isfinite(tol) and 0.0 < tol < 1.0):
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
     file = out / "advice.json"
-    stored = store.read_json_with_entries(file, scene_toml=scene.to_toml(), asked=tolerances_by_need(scene, tol))
+    stored = store.read_json_or_empty(file, scene_toml=scene.to_toml(), asked=tolerances_by_need(scene, tol))
     if stored:
         return stored
     content = advice(scene, tol, report)

@@ -149,7 +149,7 @@ def stiff_cable_runs(model: str) -> tuple[Response, Response]:
 
 def taut_tension_gap(a: Response, b: Response, field: str = "T") -> float:
     """The rms distance of two tension fields over H, before the slack."""
-    return measures.rms_tension_gap(a, b, (0.02, min(0.2, a.reached, b.reached)), field)
+    return measures.rms_tension_gap_over_H(a, b, (0.02, min(0.2, a.reached, b.reached)), field)
 
 
 def frozen_growth_factor(terms: int) -> float:

@@ -69,7 +69,7 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
     budget : [s] for all runs; a line of the chart that has spent its share leaves rows "not run".
     """
     path = out / "chart.json"
-    before = store.read_json_with_entries(path, scene_toml=scene.to_toml())
+    before = store.read_json_or_empty(path, scene_toml=scene.to_toml())
     report("reference", 0.0)
     truth = _Reference.compute(scene, before.get("reference"))
     rows: list[Row] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
@@ -197,7 +197,7 @@ class _Reference:
         return {
             "path_error": gap.largest,
             "path_rms": gap.rms,
-            "tension_error": measures.rms_tension_gap(r, self.run, self.window),
+            "tension_error": measures.rms_tension_gap_over_H(r, self.run, self.window),
         }
 
     def peer_path_errors(self, p: PeerPath, scene: Scene) -> dict[str, float]:

@@ -201,7 +201,7 @@ def _check_and_write(
     from validation.core.sidebyside import do_in_background
     from validation.page import report
 
-    folder = store.claim_folder(out, "check", scene, ["agreement.json", "scene.toml", "with.csv", *CHECKED])
+    folder = store.claim_and_clear_folder(out, "check", scene, ["agreement.json", "scene.toml", "with.csv", *CHECKED])
     with terminal.progress_bars() as progress:
         result = study.check(scene, progress=progress, **settings)
         progress("writing", 0.0)
@@ -251,7 +251,7 @@ def _check_grid(
 ) -> int:
     """Check every scene of a grid and write its table; return the exit code: 1 unless all agree."""
     from validation.commands.check import study
-    from validation.core.limits import any_scene_fails_limits
+    from validation.core.limits import any_scene_may_break_limits
     from validation.page.answer import many
 
     def row_and_path(point: options.GridPoint) -> tuple[dict[str, Any], Any]:
@@ -260,6 +260,6 @@ def _check_grid(
         return many.answer_table_row(point.scene, r, result.verdict.value), many.sparse_path_columns(r)
 
     rows = many.answer_and_store_grid("check", "grid-check", scene, points, out, row_and_path, many.run_table_columns)
-    if require_limits and any_scene_fails_limits(rows):
+    if require_limits and any_scene_may_break_limits(rows):
         return 1
     return 0 if all(row["verdict"] == "agree" for row in rows) else 1

@@ -19,7 +19,7 @@ from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
 from validation.core.order import SAFETY
-from validation.core.refine import path_bar_of_run, run_with_error_bars
+from validation.core.refine import path_bar_from_coarser_runs, run_with_error_bars
 from validation.core.view import View
 
 ROUNDING = 1e-8
@@ -133,7 +133,7 @@ def _path_against_degree_4_row(scene: Scene, elements: Ladder) -> Agreement:
     other = run_with_error_bars(scene, "following-p4", until=view.last_needed_position, **finer)
     window = view.cut_to_valid_range(r, other.finest).window
     gap = measures.relative_path_gap(other.finest, r, window).largest
-    bars = [BoundPart(x.method, path_bar_of_run(x), HALVED) for x in (r, other.finest)]
+    bars = [BoundPart(x.method, path_bar_from_coarser_runs(x), HALVED) for x in (r, other.finest)]
     return _row_with_error_bars(gap, *bars)
 
 

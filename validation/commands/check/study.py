@@ -36,7 +36,7 @@ from validation.core.refine import (
     TooCoarse,
     exceeds_work_budget,
     next_settings,
-    path_bar_of_run,
+    path_bar_from_coarser_runs,
     refine_to_tolerance,
     run_with_error_bars,
 )
@@ -355,7 +355,7 @@ def _with_widened_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement
 
 def with_third_party(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
     """The check with rows of a third party, against our solver with the smaller bar."""
-    best = min((check.a, check.b), key=lambda ladder: path_bar_of_run(ladder.finest))
+    best = min((check.a, check.b), key=lambda ladder: path_bar_from_coarser_runs(ladder.finest))
     rows = list(foreign.third_party_rows(path, best, check.window, with_tol))
     if isinstance(path, ForeignPath):
         rows = with_remedy_note(rows, Remedies(path, check.scene, (check.a, check.b), check.window, with_tol))

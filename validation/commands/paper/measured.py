@@ -105,7 +105,7 @@ def median_tension(r: Response, low: float, high: float) -> Array:
 
 def rms_tension_error(r: Response, reference: Response) -> float:
     """Rms error of the tension off the mass, over H."""
-    return measures.rms_tension_gap(r, reference, MOVING, "T_pointwise")
+    return measures.rms_tension_gap_over_H(r, reference, MOVING, "T_pointwise")
 
 
 def tension_unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Array:

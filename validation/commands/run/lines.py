@@ -119,7 +119,7 @@ def answer_and_report_lines(
         return 1
     if any(x["status"] != "complete" for x in rows):
         return 2
-    return int(require_limits and limits.any_scene_fails_limits(rows))
+    return int(require_limits and limits.any_scene_may_break_limits(rows))
 
 
 def _folder_name(command: str, moves: bool) -> str:
@@ -139,7 +139,9 @@ def _answer_one_line(command: str, line: Line, moves: bool, out: Path | None, so
         begun = perf_counter()
         result = solve(line, partial(progress, line.name))
         seconds = perf_counter() - begun
-    folder = store.claim_folder(out, command, line, [home, "agreement.json"] if command == "check" else [home])
+    folder = store.claim_and_clear_folder(
+        out, command, line, [home, "agreement.json"] if command == "check" else [home]
+    )
     result.write(folder / home, seconds)
     if result.verdict:
         verdict = result.verdict.value

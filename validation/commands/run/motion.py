@@ -34,11 +34,11 @@ from validation.core.motion_rows import (
     turning_and_wheel_load_series,
 )
 from validation.core.readback import (
-    drawn_motion_faults,
     limit_faults,
     limit_table_faults,
-    line_design_number_faults,
     line_outcome_faults,
+    motion_design_table_faults,
+    rope_csv_and_side_view_faults,
 )
 from validation.core.sidebyside import Progress, map_in_parallel, no_progress
 from validation.core.wheels import approximate_pitch_period, with_wheel_loads_by_hand
@@ -495,8 +495,8 @@ class MotionAnswers(LineAnswers):
             *motion_laws.faults_of_line_files(folder, self.motion, self.design, self.moved.period),
             *limit_faults(self.limits, tomllib.loads(self.line.to_toml()), self.design, ()),
             *limit_table_faults(html, self.limits),
-            *line_design_number_faults(html, self.design),
-            *drawn_motion_faults(html, folder, self.motion),
+            *motion_design_table_faults(html, self.design),
+            *rope_csv_and_side_view_faults(html, folder, self.motion),
             *line_outcome_faults(folder),
         ]
 

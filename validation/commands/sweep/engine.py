@@ -72,7 +72,7 @@ def sweep(
     says what is stored.
     sweep("riders.toml", Path("riders"))
     """
-    with _lock_folder(store.claim_folder(out, "sweep", study.name, WRITES)):
+    with _lock_folder(store.claim_and_clear_folder(out, "sweep", study.name, WRITES)):
         _store_or_refuse_study(study, out)
         before = finished_indices(out)
         todo = deque(i for i in range(len(study)) if i not in before)

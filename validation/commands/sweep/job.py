@@ -181,7 +181,7 @@ def errors_against_finer_run(scene: Scene, r: Response, finer: int) -> dict[str,
         low, high = r.error_window or measures.WINDOW
         window = measures.common_window(r, best, half, window=(low, high))
         true, doubt = (measures.relative_path_gap(x, best, window).largest for x in (r, half))
-        tension, unsure = (measures.rms_tension_gap(x, best, window) for x in (r, half))
+        tension, unsure = (measures.rms_tension_gap_over_H(x, best, window) for x in (r, half))
     except measures.NotComparable:
         return {}
     return {"true_error": true, "doubt": doubt, "true_tension": tension, "doubt_tension": unsure}

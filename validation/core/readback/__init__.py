@@ -9,9 +9,9 @@ from validation.core.readback.find import find_faults
 from validation.core.readback.limits import limit_faults, limit_table_faults
 from validation.core.readback.lines import line_outcome_faults, line_terminal_faults
 from validation.core.readback.pages import page_faults
-from validation.core.readback.side_view import drawn_motion_faults
+from validation.core.readback.side_view import rope_csv_and_side_view_faults
 from validation.core.readback.stored import StoredResults
-from validation.core.readback.tables import line_design_number_faults
+from validation.core.readback.tables import motion_design_table_faults
 from validation.core.readback.terminal import terminal_faults
 from validation.core.readback.texts import plain_text
 from validation.core.readback.verification import verification_faults
@@ -19,17 +19,17 @@ from validation.core.readback.verification import verification_faults
 __all__ = [
     "FILES",
     "StoredResults",
-    "drawn_motion_faults",
     "file_faults",
     "find_faults",
     "limit_faults",
     "limit_table_faults",
-    "line_design_number_faults",
     "line_outcome_faults",
     "line_terminal_faults",
+    "motion_design_table_faults",
     "page_faults",
     "path_csv_columns",
     "plain_text",
+    "rope_csv_and_side_view_faults",
     "terminal_faults",
     "verification_faults",
 ]

@@ -85,7 +85,7 @@ def _tension_csv_faults(file: Path, run: Run) -> Faults:
 
 def _profile_csv_faults(file: Path, run: Run) -> Faults:
     """Envelopes of depth and tension over x: from all valid frames, and of the car's path between them."""
-    until = end_of_validity(run)
+    until = time_of_slack_or_slow_waves(run)
     valid = run["t"] <= until
     x_rest = run["fields.x"]
     y_rest = run["fields.y"]
@@ -93,7 +93,7 @@ def _profile_csv_faults(file: Path, run: Run) -> Faults:
     x = np.linspace(x_rest[0], x_rest[-1], count)
     depths = [np.interp(x, x_rest, y_rest)]
     tensions = [np.interp(x, x_rest, run["fields.T_static"])]
-    car = car_positions_at_frames(run)
+    car = car_points_at_frames(run)
     at_car = np.fmax(run["fields.T_behind"], run["fields.T_ahead"])
     for k in np.flatnonzero(run["fields.t"] <= until):
         i = int(np.searchsorted(run["fields.s"], run["fields.s_o"][k], side="right"))
@@ -112,7 +112,7 @@ def _profile_csv_faults(file: Path, run: Run) -> Faults:
     yield from _csv_faults(file, columns)
 
 
-def end_of_validity(run: Run) -> float:
+def time_of_slack_or_slow_waves(run: Run) -> float:
     """Time [s] of the slack onset, or since when waves are slower than the mass; infinite without both."""
     length = run["rest"]["length"]
     onset = run["rest"]["slack_onset"]
@@ -125,7 +125,7 @@ def end_of_validity(run: Run) -> float:
     return until
 
 
-def car_positions_at_frames(run: Run) -> Array:
+def car_points_at_frames(run: Run) -> Array:
     """Points (k, 2) [m] of the car at the frames: on the rope at rest, moved by the mass's displacement.
 
     The rope between two stations is a cubic: a chord of h cuts off h^2/8 times the curvature of a deep rope.
@@ -134,7 +134,7 @@ def car_positions_at_frames(run: Run) -> Array:
     return np.asarray(rest_curve(run["fields.s_o"]) + np.stack([run["fields.mass_u"], run["fields.mass_v"]], axis=1))
 
 
-def extent_of_rope(run: Run) -> float:
+def larger_extent_at_rest(run: Run) -> float:
     """The larger [m] of width and height of the rope at rest."""
     return float(max(np.ptp(run["fields.x"]), np.ptp(run["fields.y"])))
 
@@ -150,7 +150,7 @@ def _rope_animation_faults(file: Path, run: Run) -> Faults:
         T = [*run["fields.T"][k], run["fields.T_behind"][k], run["fields.T_ahead"][k]]
         velocity = np.concatenate([_points_with_y_up(*rates), _points_with_y_up(*at_car)])
         moved = frame["points"] + frame["displacement"]  # (m + 2, 3)
-        yield from series_faults(f"rope in frame {k}", moved[:-2], rope, SINGLE_PRECISION, extent_of_rope(run))
+        yield from series_faults(f"rope in frame {k}", moved[:-2], rope, SINGLE_PRECISION, larger_extent_at_rest(run))
         yield from _car_point_faults(k, moved[-1], run)
         yield from series_faults(f"velocity in frame {k}", frame["velocity"], velocity, SINGLE_PRECISION)
         yield from series_faults(f"tension in frame {k}", frame["tension"], np.array(T), SINGLE_PRECISION)
@@ -166,8 +166,8 @@ def _mass_animation_faults(file: Path, run: Run) -> Faults:
 
 
 def _car_point_faults(frame: int, point: Array, run: Run) -> Faults:
-    expected = _points_with_y_up(*car_positions_at_frames(run)[frame])
-    yield from series_faults(f"car in frame {frame}", point, expected, 1e-4, extent_of_rope(run))
+    expected = _points_with_y_up(*car_points_at_frames(run)[frame])
+    yield from series_faults(f"car in frame {frame}", point, expected, 1e-4, larger_extent_at_rest(run))
 
 
 def _read_some_animation_frames(file: Path, run: Run) -> Iterator[tuple[int, dict[str, Array]]]:

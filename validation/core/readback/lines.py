@@ -131,7 +131,7 @@ def _expected_end_sentences(folder: Path, scene: Row, events: Sequence[Row]) -> 
         path = read_csv_columns(file)
         yield f"{name} at x = {path['x'][-1]:.1f} m"
         drive = next(car for car in scene["car"] if car["name"] == name).get("drive", {})
-        stop = _last_stop_time(path, [x["t"] for x in events if x["event"] == f"{name} stops"], drive)
+        stop = _lasting_stop_time(path, [x["t"] for x in events if x["event"] == f"{name} stops"], drive)
         if stop is not None:
             yield f"{name} stops at x = {np.interp(stop, path['t'], path['x']):.1f} m after {stop:.1f} s"
     t = path["t"][-1]
@@ -139,7 +139,7 @@ def _expected_end_sentences(folder: Path, scene: Row, events: Sequence[Row]) -> 
     yield f"{at_end[-1]} after {t:.1f} s" if at_end else f"ends after {t:.1f} s"
 
 
-def _last_stop_time(path: dict[str, Array], stops: Sequence[float], drive: Row) -> float | None:
+def _lasting_stop_time(path: dict[str, Array], stops: Sequence[float], drive: Row) -> float | None:
     """Time [s] of a car's last stop before the end of its path, if it has not moved since."""
     t = path["t"]
     before_end = t[-1] * (1.0 - 1e-9)

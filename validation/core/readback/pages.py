@@ -29,8 +29,8 @@ def page_faults(html_text: str, command: str, stored: StoredResults) -> Faults:
         yield "the page has no answer"
         return
     head = plain_text("".join(contents_of_tags("h2", answer)))
-    if stored.agreement and not head.endswith(f" {stored.verdict}"):
-        yield f"the page's verdict is {head!r}, that of the rows {stored.verdict}"
+    if stored.agreement and not head.endswith(f" {stored.verdict_on_both_solvers}"):
+        yield f"the page's verdict is {head!r}, that of the rows {stored.verdict_on_both_solvers}"
     summary = plain_text("".join(contents_of_tags('p class="summary"', answer)))
     if not summary.startswith(plain_text(f"{stored.outcome[0].upper()}{stored.outcome[1:]}.")):
         yield f"{summary!r} where the outcome is {stored.outcome!r}"

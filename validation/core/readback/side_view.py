@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from validation.core.readback.files import car_positions_at_frames, extent_of_rope, path_csv_columns, series_faults
+from validation.core.readback.files import car_points_at_frames, larger_extent_at_rest, path_csv_columns, series_faults
 from validation.core.readback.stored import Faults, Row, Run, StoredResults
 from validation.core.readback.texts import contents_of_tags
 from validation.core.scene_data import ROUNDING, Array, read_csv_columns, si_factor
@@ -33,7 +33,7 @@ def side_view_faults(view: dict[str, Any], stored: StoredResults) -> Faults:
     if max(*distances, *ends) > six_digits * np.hypot(*drawn.T).max():
         yield f"the path is {max(distances):.3g} m off path.csv"
     for mark in view["speeds"]:
-        yield from _speed_mark_faults(mark, points, path["speed"], 0.01 * reach)
+        yield from _speed_label_faults(mark, points, path["speed"], 0.01 * reach)
     yield from _drawn_scene_faults(view, run["scene"])
     for cable in view["cables"]:
         yield from _moving_rope_faults(cable, view, stored)
@@ -56,7 +56,7 @@ def _drawn_scene_faults(view: dict[str, Any], scene: Row) -> Faults:
             yield f"{name} is not the scene's"
 
 
-def _speed_mark_faults(mark: dict[str, Any], points: Array, speed: Array, near: float) -> Faults:
+def _speed_label_faults(mark: dict[str, Any], points: Array, speed: Array, near: float) -> Faults:
     """A mark lies between two steps. A car that rolls back passes it twice: one of the speeds near it is its text."""
     steps = np.diff(points, axis=0)  # (n - 1, 2)
     to_mark = [mark["x"], mark["y"]] - points[:-1]
@@ -93,7 +93,7 @@ def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], stored: Sto
     if si_factor(view["unitName"], "N") != view["unit"]:
         yield f"forces are in {view['unitName']} but divided by {view['unit']}"
     for name, values in expected.items():
-        rounding = 1e-4 * extent_of_rope(run) if name in ("x", "y") else 0.0
+        rounding = 1e-4 * larger_extent_at_rest(run) if name in ("x", "y") else 0.0
         yield from _packed_series_faults(name, series[name], values, rounding)
         if _unpack_series(series[name]).size not in (values.size, values.size // frames * (frames + 1)):
             yield f"{name} has other frames than are stored"
@@ -101,7 +101,7 @@ def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], stored: Sto
 
 def _drawn_series_of_car(run: Run) -> dict[str, Array]:
     """Position, point and both tensions (k,) of the car at the frames; where one side is unknown, the other's."""
-    car = car_positions_at_frames(run)
+    car = car_points_at_frames(run)
     behind = run["fields.T_behind"]
     ahead = run["fields.T_ahead"]
     return {
@@ -144,7 +144,7 @@ class RopeGrid(NamedTuple):
     series: dict[str, Array]
 
 
-def drawn_motion_faults(html_text: str, folder: Path, motion: Any) -> Faults:
+def rope_csv_and_side_view_faults(html_text: str, folder: Path, motion: Any) -> Faults:
     """Faults of rope.csv, and of the side view of a line in motion; motion : a `cablefem.motion.LineMotion`."""
     rope = read_csv_columns(folder / "rope.csv")
     t = np.unique(rope["t"])

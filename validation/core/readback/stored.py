@@ -37,7 +37,7 @@ class StoredResults:
         self.unread: list[str] = []  # what has no reader
 
     @property
-    def verdict(self) -> str:
+    def verdict_on_both_solvers(self) -> str:
         """The verdict on both solvers; another program has its own."""
         return worst_asked_verdict(row for row in self.rows if not row.get("with")) or "not comparable"
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from validation.core.readback.files import end_of_validity
+from validation.core.readback.files import time_of_slack_or_slow_waves
 from validation.core.readback.limits import LIMITS
 from validation.core.readback.stored import (
     ORDER,
@@ -55,7 +55,7 @@ def design_number_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
             yield f"{name}: at {text} where {s} m is stored"
 
 
-def line_design_number_faults(html_text: str, design: Sequence[Row]) -> Faults:
+def motion_design_table_faults(html_text: str, design: Sequence[Row]) -> Faults:
     """Faults of the table of design numbers of a line in motion, which shows all of them."""
     shown = _shown_design_numbers(html_text)
     words = read_package_toml("page", "assets/motion.toml")
@@ -193,17 +193,17 @@ def _shows_top_speed_over_waves(text: str, run: Run) -> bool:
     cable = run["scene"]["cable"]
     rho = cable["mass_per_length"] + ice_mass_per_length(cable)
     if run["scene"].get("drive", {}).get("mode") == "free":  # on the loaded rope
-        speed = np.max(np.hypot(*run["velocity"].T), where=run["t"] <= _end_on_taut_rope(run), initial=0.0)
+        speed = np.max(np.hypot(*run["velocity"].T), where=run["t"] <= _time_of_lift_off_or_slack(run), initial=0.0)
     else:
         speed = np.max(np.abs(np.diff(run["s_o"]) / np.diff(run["t"])))  # steps are short chords of the travel
     ratio = speed * math.sqrt(rho / run["rest"]["horizontal_tension"])
     return bool(abs(parse_number(text.removesuffix(" %")) / 100.0 - ratio) < 0.06)
 
 
-def _end_on_taut_rope(run: Run) -> float:
+def _time_of_lift_off_or_slack(run: Run) -> float:
     """Time [s] up to which the car is on the rope, and that is taut."""
     lift_offs = [event["t"] for event in run["rest"]["events"] if event["event"] == "lift_off"]
-    return min([end_of_validity(run), *lift_offs])
+    return min([time_of_slack_or_slow_waves(run), *lift_offs])
 
 
 FACTS: dict[str, Callable[[str, Run], bool]] = {  # that follow from the scene

@@ -29,7 +29,7 @@ def terminal_faults(printed: Sequence[str], stored: StoredResults) -> Faults:
     """Faults of what a run or a check printed."""
     sentences = _stored_sentences(stored)
     for text in printed:
-        reader = next((read for pattern, read in LINE_CHECKS if re.match(pattern, text)), _printed_number_faults)
+        reader = next((read for pattern, read in LINE_CHECKS if re.match(pattern, text)), _printed_design_number_faults)
         if text.strip() and text.strip() not in sentences:
             yield from reader(text.strip(), stored)
 
@@ -42,11 +42,11 @@ def _stored_sentences(stored: StoredResults) -> set[str]:
     for doubt in stored.agreement.get("doubts", []):
         sentences.add(f"{doubt['method']}: {doubt['words']}")
     if stored.agreement:
-        sentences.add(read_package_toml("page", "assets/verdicts.toml")[stored.verdict])
+        sentences.add(read_package_toml("page", "assets/verdicts.toml")[stored.verdict_on_both_solvers])
     return sentences
 
 
-def _printed_number_faults(text: str, stored: StoredResults) -> Faults:
+def _printed_design_number_faults(text: str, stored: StoredResults) -> Faults:
     """A design number; of two names that begin alike the longer one."""
     rows = [row for row in stored.design if text.startswith(f"{quantity_words(row)} ")]
     if not rows:
@@ -92,7 +92,7 @@ def crosswind_faults(text: str, stored: StoredResults) -> Faults:
         yield f"{text!r}: {expected} follow, and the numbers hold {holds}"
 
 
-def _printed_means_faults(text: str, stored: StoredResults) -> Faults:
+def _averaging_time_faults(text: str, stored: StoredResults) -> Faults:
     """Faults of the seconds over which forces are means."""
     rest = stored.run_of_method(0)["rest"]
     round_trip = SceneData(rest["scene_toml"], rest["length"]).round_trip
@@ -108,7 +108,7 @@ def _limit_scope_faults(text: str, stored: StoredResults) -> Faults:
         yield f"{text!r} is no scope of a text"
 
 
-def _printed_run_faults(text: str, stored: StoredResults) -> Faults:
+def _printed_method_and_cost_faults(text: str, stored: StoredResults) -> Faults:
     """Faults of a run's method, settings, seconds and bar of the path."""
     parts = re.fullmatch(r"by (\S+) \((.*)\) in (\S+) s(?:; path ± (\S+) m)?", text)
     run = stored.summaries[0]
@@ -144,10 +144,10 @@ def _printed_third_party_faults(text: str, stored: StoredResults) -> Faults:
 
 LINE_CHECKS: tuple[tuple[str, Callable[[str, StoredResults], Faults]], ...] = (
     (r"  wind of ", crosswind_faults),
-    (r"  forces(?:, decelerations)? and angles of the rope are means", _printed_means_faults),
+    (r"  forces(?:, decelerations)? and angles of the rope are means", _averaging_time_faults),
     (r"  slack somewhere from car at ", _printed_slack_faults),
     (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", no_faults_in_words),
-    (r"  by \S+ \(", _printed_run_faults),
+    (r"  by \S+ \(", _printed_method_and_cost_faults),
     (r"limit  +value", no_faults_in_words),
     (rf"\S.*  {LIMIT_VERDICT}", _printed_limit_faults),
     (r"  [^:]*: for .*", _limit_scope_faults),

@@ -128,7 +128,7 @@ def answer_and_store_grid(
     Writes table.csv, grid.json and scene.toml to `subfolder` of the command's results.
     """
     keys = list(points[0].values)
-    folder = store.claim_folder(out, command, scene, [subfolder])
+    folder = store.claim_and_clear_folder(out, command, scene, [subfolder])
     answers = _answer_in_parallel(points, answer_point)
     rows = []
     for point, (row, _) in zip(points, answers, strict=True):
