@@ -33,7 +33,7 @@ def single_state(given, solve) -> LineState:
 @pytest.mark.parametrize("case", oracle.cases(), ids=lambda case: case.name)
 @pytest.mark.parametrize("name", oracle.METHODS)
 def test_numbers_known_beforehand(case, name):
-    row = Task("line", case, name).compute()
+    row = Task("line", case, name).compute_row()
     assert row["verdict"] == case.expected, row
 
 

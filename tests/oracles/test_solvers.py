@@ -25,7 +25,7 @@ def is_expensive(key):
 
 @cache
 def computed_row(key):
-    return TASKS[key].compute()
+    return TASKS[key].compute_row()
 
 
 @pytest.mark.parametrize("key", [pytest.param(key, marks=[pytest.mark.slow] * is_expensive(key)) for key in TASKS])

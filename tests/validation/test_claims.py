@@ -127,12 +127,12 @@ def test_a_ripple_of_known_size_is_found_and_none_where_there_is_none(level_run)
     rms = 0.07 / math.sqrt(2.0)
     x = np.pi * 31.0 / 200.0
     left = np.sin(21.0 * x) / (21.0 * np.sin(x))  # what a moving mean of 21 stations leaves of 31 waves
-    assert abs(measured.tension_ripple(wavy) / rms - (1.0 - left)) < 0.02
-    assert abs(measured.rms_tension_error(wavy, flat) / rms - 1.0) < 0.02
+    assert abs(measured.tension_ripple_over_H(wavy) / rms - (1.0 - left)) < 0.02
+    assert abs(measured.rms_tension_error_over_H(wavy, flat) / rms - 1.0) < 0.02
     assert abs(np.median(measured.tension_unevenness(wavy)) / rms - 1.0) < 0.02
     assert abs(measured.mean_count_of_tension_extremes(wavy) - 62.0) < 2.0
-    assert measured.tension_ripple(flat) < 1e-12
-    assert measured.rms_tension_error(flat, flat) == measured.mean_count_of_tension_extremes(flat) == 0.0
+    assert measured.tension_ripple_over_H(flat) < 1e-12
+    assert measured.rms_tension_error_over_H(flat, flat) == measured.mean_count_of_tension_extremes(flat) == 0.0
 
 
 def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says(level_run):

@@ -149,6 +149,6 @@ def test_a_case_of_an_oracle(monkeypatch):
     assert MINE in (case.methods or METHODS)
     rungs = [oracles.Rung({"waves": n, "steps": 200}, float(n)) for n in (6, 12)]
     monkeypatch.setattr(oracles._Solvers, "rungs", lambda self, name, finer: rungs)
-    row = oracles.Task("moving-mass", case, MINE).compute()
+    row = oracles.Task("moving-mass", case, MINE).compute_row()
     assert row["method"] == MINE
     assert row["error"] < 0.1

@@ -72,7 +72,7 @@ def test_the_bar_is_made_without_the_exact_answer():
             found = super().mass_path(crossing, name, **settings)
             return replace(found, v=1.01 * found.v)
 
-    found = EVERY["moving-mass", "mass ratio 5, speed 0.37", "following-p2"].compute(Heavier())
+    found = EVERY["moving-mass", "mass ratio 5, speed 0.37", "following-p2"].compute_row(Heavier())
     assert found["verdict"] == "disagree"
     assert found["error"] > 100.0 * found["allowed"]
 
@@ -106,7 +106,7 @@ def free_tasks(monkeypatch):
     calls = []
 
     def toy(name, error, expected):
-        def compute():
+        def compute_row():
             calls.append(name)
             return {
                 "oracle": "moving-mass", "case": name, "method": "following-p2", "ladder": ["elements 3", "elements 6"],
@@ -116,7 +116,7 @@ def free_tasks(monkeypatch):
                 "verdict": exactness.verdict_of_row(error, 0.02, 2.0, 1.9), "expected": expected, "reason": "",
             }  # fmt: skip
 
-        return SimpleNamespace(key=("moving-mass", name, "following-p2"), compute=compute)
+        return SimpleNamespace(key=("moving-mass", name, "following-p2"), compute_row=compute_row)
 
     tasks = [toy("the paper's mass, toy", 0.013, "agree"), toy("second", 0.3, "disagree")]
     monkeypatch.setattr(exactness, "all_tasks", lambda: tasks)
@@ -141,7 +141,7 @@ def test_the_table_is_written_and_goes_on_where_it_stopped(free_tasks, tmp_path)
 
 def test_one_row_that_is_not_as_it_should_be_spoils_the_verdict(free_tasks, tmp_path, monkeypatch):
     tasks, _ = free_tasks
-    failing = SimpleNamespace(key=tasks[1].key, compute=lambda: tasks[1].compute() | {"expected": "agree"})
+    failing = SimpleNamespace(key=tasks[1].key, compute_row=lambda: tasks[1].compute_row() | {"expected": "agree"})
     monkeypatch.setattr(exactness, "all_tasks", lambda: [tasks[0], failing])
     assert exactness.write_oracle_table(tmp_path)["verdict"] == "disagree"
     first = page.sections(tmp_path)[0]

@@ -95,8 +95,8 @@ def energy_gain(method: str, **how: Any) -> float:
 
 
 def tension_ripple(method: str, **how: Any) -> float:
-    """Rms ripple of the tension off the mass over H, see `measured.tension_ripple`."""
-    return measured.tension_ripple(run_on_level(method, law="elastic", **how), near=measures.JUMP_WIDTH)
+    """Rms ripple of the tension off the mass over H, see `measured.tension_ripple_over_H`."""
+    return measured.tension_ripple_over_H(run_on_level(method, law="elastic", **how), min_distance=measures.JUMP_WIDTH)
 
 
 @cache

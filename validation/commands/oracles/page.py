@@ -13,36 +13,36 @@ from validation.page.figures import DASHES, MARKERS, PALETTE, captioned_figure, 
 from validation.page.page import Section, render_sections
 from validation.page.plot import GREY
 
+Row = dict[str, Any]
+
 
 def sections(folder: Path) -> list[Section]:
     content = store.read_json(folder / "oracles.json")
-    return render_sections(
-        __package__,
-        content=content,
-        ladders=_shared_case_rows_by_wing(content["rows"]),
-        draw=_draw_errors,
-        figure=captioned_figure,
-    )
+    rows = content["rows"]
+    case = _case_of_all_methods(rows)
+    ladders = _rows_by_wing([row for row in rows if row["case"] == case])
+    return render_sections(__package__, content=content, ladders=ladders, draw=_draw_errors, figure=captioned_figure)
 
 
-def _shared_case_rows_by_wing(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """The rows of the case that every method goes through, by wing; none of a small part without such a case."""
+def _case_of_all_methods(rows: list[Row]) -> str | None:
+    """The case that every method goes through; None of a small part without such a case."""
     methods: dict[str, set[str]] = {}
     for row in rows:
         methods.setdefault(row["case"], set()).add(row["method"])
-    every = max(methods, key=lambda case: len(methods[case]), default="")
-    wings: dict[str, list[dict[str, Any]]] = {}
-    if len(methods.get(every, ())) <= len(BEST):
-        return wings
+    case = max(methods, key=lambda case: len(methods[case]), default="")
+    return case if len(methods.get(case, ())) > len(BEST) else None
+
+
+def _rows_by_wing(rows: list[Row]) -> dict[str, list[Row]]:
+    wings: dict[str, list[Row]] = {}
     for row in rows:
-        if row["case"] == every:
-            wing = "Elements" if row["ladder"][0].startswith("elements") else "Galerkin"
-            wings.setdefault(wing, []).append(row)
+        wing = "Elements" if row["ladder"][0].startswith("elements") else "Galerkin"
+        wings.setdefault(wing, []).append(row)
     return wings
 
 
 @report_style()
-def _draw_errors(rows: Sequence[dict[str, Any]], title: str) -> Figure:
+def _draw_errors(rows: Sequence[Row], title: str) -> Figure:
     fig, ax = figure_with_axes(height=3.9)
     for i, row in enumerate(rows):
         pairs = [(n, e) for n, e in zip(row["sizes"], row["errors"], strict=True) if e is not None]
@@ -50,10 +50,12 @@ def _draw_errors(rows: Sequence[dict[str, Any]], title: str) -> Figure:
         result = "" if row["observed_order"] is None else f", order {row['observed_order']:.1f}"
         if row["expected"] != "agree":
             result = ", wrong"
-        look = {"color": PALETTE[i % 7], "linestyle": DASHES[(i + i // 7) % 7], "marker": MARKERS[(i + i // 7) % 7]}
+        k = (i + i // 7) % 7
+        look = {"color": PALETTE[i % 7], "linestyle": DASHES[k], "marker": MARKERS[k]}
         ax.loglog(n, e, label=row["method"] + result, **look)
     sizes = np.array(ax.get_xlim())
-    start = 0.35 * max((row["errors"][0] or 0.0 for row in rows if row["expected"] == "agree"), default=1.0)
+    coarsest_errors = [row["errors"][0] or 0.0 for row in rows if row["expected"] == "agree"]
+    start = 0.35 * max(coarsest_errors, default=1.0)
     for p in (1, 2):
         slope = start * (sizes[0] / sizes) ** p
         ax.loglog(sizes, slope, color=GREY, linewidth=0.8, linestyle="-", zorder=0, scaley=False)

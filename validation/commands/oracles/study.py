@@ -34,6 +34,7 @@ from validation.oracles.case import Path as MassPath
 
 ROWS = "oracles.jsonl"
 RESULT = "oracles.json"
+Row = dict[str, Any]
 SAFETY = 1.5  # of the remaining change by the order, between Roache's 1.25 for three grids and 3 for two
 
 
@@ -49,8 +50,8 @@ class Task:
     def key(self) -> tuple[str, str, str]:
         return self.oracle, self.case.name, self.method
 
-    def compute(self, solvers: Solvers | None = None) -> dict[str, Any]:
-        """Run the case's ladder, compare every rung with the exact answer, return the row.
+    def compute_row(self, solvers: Solvers | None = None) -> Row:
+        """Run the case's ladder, compare every rung with the exact answer; what breaks has the verdict "failed".
 
         ladder : what was refined, coarse to fine; sizes : resolution, or one over the parameter of a limit;
         errors : relative rms, nan of a run that broke; error, worst : rms and largest of the finest;
@@ -61,10 +62,10 @@ class Task:
         method = self.method
         rungs = case.ladder(solvers, method)
         p, because = case.expected_order(solvers, method)
+        settings = [", ".join(f"{k} {v:g}" for k, v in rung.settings.items()) for rung in rungs]
         row = {
-            "oracle": self.oracle, "case": case.name, "method": method,
-            "ladder": [", ".join(f"{k} {v:g}" for k, v in rung.settings.items()) for rung in rungs],
-            "refined": case.refined, "sizes": [rung.size for rung in rungs], "expected_order": p, "because": because,
+            "oracle": self.oracle, "case": case.name, "method": method, "ladder": settings, "refined": case.refined,
+            "sizes": [rung.size for rung in rungs], "expected_order": p, "because": because,
             "expected": case.expected_verdict(solvers, method),
         }  # fmt: skip
         try:
@@ -75,36 +76,40 @@ class Task:
             errors = [math.nan] * len(rungs)
             return row | {"errors": errors, "allowed_because": "it broke", "verdict": "failed", "reason": reason}
 
-    def _run_and_judge(self, solvers: Solvers, rungs: Sequence[Rung], p: float | None) -> dict[str, Any]:
+    def _run_and_judge(self, solvers: Solvers, rungs: Sequence[Rung], p: float | None) -> Row:
         """Run every rung; return errors, what is allowed, and the verdict."""
-        answers = [self.case.compute_answer(solvers, self.method, rung) for rung in rungs]
-        errors = [self.case.largest_and_rms_error(answer) for answer in answers]  # largest, rms
+        case = self.case
+        answers = [case.compute_answer(solvers, self.method, rung) for rung in rungs]
+        largest, rms = zip(*[case.largest_and_rms_error(answer) for answer in answers], strict=True)
         sizes = [rung.size for rung in rungs]
-        rms = [error for _, error in errors]
-        allowed, why = _allowed_error(sizes[-1] / sizes[-2], p, self.case.relative_distance(*answers[-2:]), rms[-2])
+        size_ratio = sizes[-1] / sizes[-2]
+        gap = case.relative_distance(*answers[-2:])
+        if gap is None:
+            allowed, why = _allowed_deviation_from_limit(size_ratio, p, rms[-2])
+        else:
+            allowed, why = _own_error_bar(size_ratio, p, gap)
         if not math.isfinite(allowed):
             why = "the run broke"
         observed = observed_order(sizes, rms)
+        verdict = verdict_of_row(rms[-1], allowed, observed, p)
         return {
-            "errors": rms, "error": rms[-1], "worst": errors[-1][0], "observed_order": observed, "allowed": allowed,
-            "allowed_because": why, "verdict": verdict_of_row(rms[-1], allowed, observed, p), "reason": "",
+            "errors": list(rms), "error": rms[-1], "worst": largest[-1], "observed_order": observed,
+            "allowed": allowed, "allowed_because": why, "verdict": verdict, "reason": "",
         }  # fmt: skip
 
 
-def _allowed_error(size_ratio: float, order: float | None, gap: float | None, error_before: float) -> tuple[float, str]:
-    """The allowed error of the finest run, and why.
+def _allowed_deviation_from_limit(size_ratio: float, order: float | None, previous: float) -> tuple[float, str]:
+    """The allowed deviation of the last run of a limit, and why; previous : deviation of the run before."""
+    assert order is not None
+    return SAFETY * previous / size_ratio**order, f"{SAFETY} x the deviation before, fallen with order {order:g}"
 
-    size_ratio : of the last two sizes; order : of theory; gap : of the last two answers, None of a limit;
-    error_before : of the last run but one.
-    """
-    if gap is None:
-        assert order is not None
-        allowed = SAFETY * error_before / size_ratio**order
-        return allowed, f"{SAFETY} x the deviation before, fallen with order {order:g}"
+
+def _own_error_bar(size_ratio: float, order: float | None, gap: float) -> tuple[float, str]:
+    """The error bar of the finest run from its gap to the run before, and how it is made; order : of theory."""
     most = 1.5  # largest order that is credited: wave fronts pass the mass as spikes
     credited = 1.0 if order is None else min(order, most)
-    why = f"own error bar: {SAFETY} x gap to the run before / (ratio to the {credited:g} - 1)"
-    return SAFETY * gap / (size_ratio**credited - 1.0), why
+    bar = SAFETY * gap / (size_ratio**credited - 1.0)
+    return bar, f"own error bar: {SAFETY} x gap to the run before / (ratio to the {credited:g} - 1)"
 
 
 def all_tasks() -> list[Task]:
@@ -116,22 +121,23 @@ def all_tasks() -> list[Task]:
     return out
 
 
-def write_oracle_table(out: Path, progress: Progress = no_progress, *, quick: bool = False) -> dict[str, Any]:
+def write_oracle_table(out: Path, progress: Progress = no_progress, *, quick: bool = False) -> Row:
     """Compute all rows and write oracles.json; an interrupted table goes on where it stopped.
 
     quick : of each heading a comparison that must agree and one that must not.
     """
-    computed = _one_task_of_each_kind(all_tasks()) if quick else all_tasks()
-    jobs = {json.dumps(task.key): task for task in computed}
-    results = store.compute_and_store_missing(
-        out / ROWS, jobs, lambda task: task.compute(), partial(progress, "oracles")
-    )
+    tasks = all_tasks()
+    if quick:
+        tasks = _one_task_of_each_kind(tasks)
+    jobs = {json.dumps(task.key): task for task in tasks}
+    report = partial(progress, "oracles")
+    results = store.compute_and_store_missing(out / ROWS, jobs, lambda task: task.compute_row(), report)
     rows = list(results.values())
     as_expected = all(row["verdict"] == row["expected"] for row in rows)
-    exact = [
-        {"name": name, "title": x.title, "source": x.source, "validity": x.validity, "group": x.group}
-        for name, x in oracles.find_oracles().items()
-    ]
+    exact = []
+    for name, oracle in oracles.find_oracles().items():
+        words = {word: getattr(oracle, word) for word in ("title", "source", "validity", "group")}
+        exact.append({"name": name} | words)
     content = {"verdict": "agree" if as_expected else "disagree", "rows": rows, "oracles": exact}
     write_json(out / RESULT, content)
     (out / ROWS).unlink()
@@ -143,8 +149,9 @@ def _one_task_of_each_kind(tasks: list[Task]) -> list[Task]:
     exact = oracles.find_oracles()
     first: dict[tuple[str, str], Task] = {}
     for task in tasks:
+        group = exact[task.oracle].group
         expected = task.case.expected_verdict(SOLVERS, task.method)
-        first.setdefault((exact[task.oracle].group, expected), task)
+        first.setdefault((group, expected), task)
     return list(first.values())
 
 
@@ -178,11 +185,11 @@ BASES = {  # of frequencies: what is refined; order and why
 class _Solvers:
     """Solvers for the cases; dimensionless, but `run_scene` in SI."""
 
-    def theoretical_order(self, name: str) -> tuple[float | None, str]:
+    def theoretical_order(self, method_name: str) -> tuple[float | None, str]:
         """Order of the path, None if it is wrong, and why."""
-        if name in BASES:
-            return BASES[name][1:]
-        method = find_method(name)
+        if method_name in BASES:
+            return BASES[method_name][1:]
+        method = find_method(method_name)
         if method.wrong:
             return None, "none: the centrifugal force is lost at the nodes, it converges to something else"
         if method.space_order <= 1.0:
@@ -192,34 +199,35 @@ class _Solvers:
             "fronts is left"
         )
 
-    def rungs(self, name: str, *, finer: float = 1.0) -> list[Rung]:
+    def rungs(self, method_name: str, *, finer: float = 1.0) -> list[Rung]:
         """Four rungs of a method; three of a basis, and where one more would cost minutes."""
-        if name in BASES:
-            resolution = BASES[name][0]
+        if method_name in BASES:
+            resolution = BASES[method_name][0]
             values = (0, 1, 2) if resolution.doubling else (10, 20, 40)
             return [Rung({resolution.setting: n}, resolution.unknowns(n)) for n in values]
-        method = find_method(name)
+        method = find_method(method_name)
         sharp = method.resolution.doubling and method.space_order > 1.0
         slow = finer > 1.0 or sharp or method.steps_exponent > 2.0
-        settings = method.settings_from_coarse_to_fine(3 if slow else 4, finer)
-        return [
-            Rung(method.resolution_and_steps(x), method.resolution.unknowns(method.resolution_value(x)))
-            for x in settings
-        ]
+        out = []
+        for settings in method.settings_from_coarse_to_fine(3 if slow else 4, finer):
+            unknowns = method.resolution.unknowns(method.resolution_value(settings))
+            out.append(Rung(method.resolution_and_steps(settings), unknowns))
+        return out
 
-    def mass_path(self, crossing: Crossing, name: str, **settings: Any) -> MassPath:
+    def mass_path(self, crossing: Crossing, method_name: str, **settings: Any) -> MassPath:
         if crossing.scene:
             scene = Scene.load(crossing.scene)
-            r = run(scene, name, model="string", until=crossing.until, **settings)
+            r = run(scene, method_name, model="string", until=crossing.until, **settings)
             return MassPath(r.t / scene.time_scale, r.s_o / r.length, r.v / r.length)
-        return MassPath(*compute_dimensionless_path(crossing.groups, name, settings, **crossing.run_arguments))
+        return MassPath(*compute_dimensionless_path(crossing.groups, method_name, settings, **crossing.run_arguments))
 
-    def frequencies(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
+    def frequencies(self, method_name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
         return scaled_cable_frequencies(groups, degree=2, model=model, n=count, **settings)
 
-    def damped_frequencies(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
+    def damped_frequencies(self, method_name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
         """Matrices of the linear model column by column, then its quadratic eigenvalues i w."""
-        system = _build_system(name, replace(groups, mu=0.0, motion=rest_motion(0.4, 1.0)), model, settings)
+        bare = replace(groups, mu=0.0, motion=rest_motion(0.4, 1.0))
+        system = _build_system(method_name, bare, model, settings)
         n = system.n_dof
         unit = np.eye(n)
         none = np.zeros((n, n))
@@ -232,43 +240,48 @@ class _Solvers:
         K = matrix(unit, none, none)
         C = matrix(none, unit, none)
         M = matrix(none, none, unit)
-        A = np.block([[none, unit], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])  # (2 n, 2 n)
+        accelerations = [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]
+        A = np.block([[none, unit], accelerations])  # (2 n, 2 n)
         omega = -1j * np.linalg.eigvals(A)
         return np.sort_complex(omega[omega.real > 0.0])[:count]
 
-    def release_string(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:
+    def release_string(
+        self, method_name: str, groups: Groups, p: float, end: float, **settings: Any
+    ) -> tuple[Array, Array]:
         """Release a straight string that the weight of groups holds at p; return t, and w at p."""
         groups = replace(groups, motion=rest_motion(p, end))
-        loaded = _build_system(name, groups, "straight", settings)
-        free = _build_system(name, replace(groups, mu=0.0), "straight", settings)
+        loaded = _build_system(method_name, groups, "straight", settings)
+        free = _build_system(method_name, replace(groups, mu=0.0), "straight", settings)
         rest = solve_equilibrium(loaded)
         start = newmark.consistent_acceleration(free, 0.0, rest, np.zeros_like(rest), 0)
-        grid = np.linspace(0.0, end, 1 + find_method(name).complete_settings(settings)["steps"])
-        states = [start, *newmark.integrate(free, newmark.scheme("trapezoidal"), [grid], start=start)]
+        steps = find_method(method_name).complete_settings(settings)["steps"]
+        times = np.linspace(0.0, end, 1 + steps)
+        states = [start, *newmark.integrate(free, newmark.scheme("trapezoidal"), [times], start=start)]
         history = stack_states(states)
-        return history.t, free.observe(history, np.zeros(0), np.zeros(0, np.intp)).path[:, 1]
+        path = free.observe(history, np.zeros(0), np.zeros(0, np.intp)).path
+        return history.t, path[:, 1]
 
-    def run_scene(self, scene: Scene, name: str, **settings: Any) -> Response:
-        return run(scene, name, **settings)
+    def run_scene(self, scene: Scene, method_name: str, **settings: Any) -> Response:
+        return run(scene, method_name, **settings)
 
-    def holding_force(self, groups: Groups, name: str, start: float, **settings: Any) -> float:
+    def holding_force(self, groups: Groups, method_name: str, start: float, **settings: Any) -> float:
         """Force along the cable that holds a free car at its start."""
         groups = replace(groups, motion=None, drive=Drive(mode="free", start=start, end_time=1.0, nominal=1.0))
-        solver = _build_system(name, groups, "full", settings)
+        solver = _build_system(method_name, groups, "full", settings)
         solver.start(0, None)
         return float(solver.hold)
 
-    def line_at_rest(self, line: Line, name: str, **settings: Any) -> LineRest:
+    def line_at_rest(self, line: Line, method_name: str, **settings: Any) -> LineRest:
         from cablefem import catenary_line
         from cablefem.elements import line as elements
 
-        solve = catenary_line.solve if name == "catenaries" else elements.solve
+        solve = catenary_line.solve if method_name == "catenaries" else elements.solve
         return line.solve_at_rest(lambda cases: solve(cases, **settings))
 
 
 SOLVERS: Solvers = _Solvers()
 
 
-def _build_system(name: str, groups: Groups, model: str, settings: dict[str, Any]) -> Any:
-    method = find_method(name)
+def _build_system(method_name: str, groups: Groups, model: str, settings: Row) -> Any:
+    method = find_method(method_name)
     return method.build(groups, method.settings_for_scene(groups, settings), model=model, load="mass", law="elastic")

@@ -28,13 +28,14 @@ def judged_claims(variables: Row) -> list[Row]:
     out = []
     for claim in content["claim"]:
         readings = claim.get("readings", False)
-        judged: list[Row] = []
+        quantities: list[Row] = []
         for entry in claim.get("quantity", ()):
-            judged += quantity_rows(entry, content["meaning"], variables)
+            quantities += quantity_rows(entry, content["meaning"], variables)
+        verdict = claim_verdict(quantities, readings)
+        why = render_sentence(claim["why"], variables | {"q": quantities})
         out.append({
             "id": claim["id"], "where": claim["where"], "claim": claim["says"], "readings": readings,
-            "kind": claim.get("kind", "physics"), "quantities": judged, "verdict": claim_verdict(judged, readings),
-            "why": render_sentence(claim["why"], variables | {"q": judged}),
+            "kind": claim.get("kind", "physics"), "quantities": quantities, "verdict": verdict, "why": why,
         })  # fmt: skip
     return out
 
@@ -63,22 +64,22 @@ def quantity_rows(entry: Row, meaning: Row, variables: Row) -> Iterator[Row]:
     """Yield the number of an entry, one for each of its `keys`: value, bar, and the range in which it is true."""
     for key in entry.get("keys", (None,)):
         here = variables | {"key": key}
-        value, bar, by_paper = _value_with_bar(entry, here)
+        value = _converged_and_paper_value(entry, here)
         claimed = _claimed_range(entry, meaning, here)
         numbers = {
-            "claimed": claimed.words, "low": claimed.low, "high": claimed.high, "paper": by_paper,
-            "converged": value, "uncertainty": bar,
+            "claimed": claimed.words, "low": claimed.low, "high": claimed.high, "paper": value.at_paper_resolution,
+            "converged": value.converged, "uncertainty": value.bar,
         }  # fmt: skip
         yield {"name": render_sentence(entry["name"], here), **store.nulls_for_nonfinite(numbers)}
 
 
-class ValueWithBar(NamedTuple):
-    value: float
+class ConvergedAndPaperValue(NamedTuple):
+    converged: float
     bar: float
     at_paper_resolution: float | None
 
 
-def _value_with_bar(entry: Row, variables: Row) -> ValueWithBar:
+def _converged_and_paper_value(entry: Row, variables: Row) -> ConvergedAndPaperValue:
     """The value of an entry, its bar, and the value at the paper's resolution, if it names one.
 
     of : converged runs by scene; each gives the bar of its ladder.  paper : the paper's runs instead of them.
@@ -89,18 +90,21 @@ def _value_with_bar(entry: Row, variables: Row) -> ValueWithBar:
         return evaluate_expression(entry["value"], variables | replaced)
 
     of = entry.get("of", ())
+    runs = variables["runs"]
     reference = variables["reference"]
     bar = evaluate_expression(entry.get("bar", 0.0), variables)
     bar += sum(reference[scene].bar(lambda run, scene=scene: value(**{scene: run})) for scene in of)
     if "r" in entry:
-        first, *others = (variables["runs"].get(x, x) for x in (entry["r"], *entry.get("others", ())))
+        first, *others = (runs.get(x, x) for x in (entry["r"], *entry.get("others", ())))
         variables = variables | {"r": first}
         bar += max((abs(value(r=x) - value()) for x in others), default=0.0)
     paper = entry.get("paper")
     if isinstance(paper, list):
-        runs = [variables["runs"][name] for name in paper]
-        paper = value(**dict(zip(of, runs, strict=True)))
-    return ValueWithBar(value(), bar, None if paper is None else evaluate_expression(paper, variables))
+        paper_runs = [runs[name] for name in paper]
+        paper = value(**dict(zip(of, paper_runs, strict=True)))
+    elif paper is not None:
+        paper = evaluate_expression(paper, variables)
+    return ConvergedAndPaperValue(value(), bar, paper)
 
 
 class ClaimedRange(NamedTuple):
@@ -124,12 +128,12 @@ def _claimed_range(entry: Row, meaning: Row, variables: Row) -> ClaimedRange:
         low = ends["around"] - ends["within"]
         high = ends["around"] + ends["within"]
         words = f"{plain_decimal_text(ends['around'])} ± {plain_decimal_text(ends['within'])}"
-    elif low is not None and high is not None:
-        words = f"{plain_decimal_text(low)} to {plain_decimal_text(high)}"
+    elif low is None:
+        words = f"at most {plain_decimal_text(ends['at_most'])}"
+    elif high is None:
+        words = f"at least {plain_decimal_text(low)}"
     else:
-        words = (
-            f"at most {plain_decimal_text(ends['at_most'])}" if low is None else f"at least {plain_decimal_text(low)}"
-        )
+        words = f"{plain_decimal_text(low)} to {plain_decimal_text(high)}"
     return ClaimedRange(f"{words} ({next(filter(None, reasons), '')})", low, high)
 
 

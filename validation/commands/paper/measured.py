@@ -1,4 +1,4 @@
-"""Measures that claims.toml names; tensions with s_o/l in MOVING by default."""
+"""Measures that claims.toml names; tensions with s_o/l in MID_TRAVEL by default."""
 
 import math
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ from galerkin.equations import GalerkinSystem
 from validation.core import measures
 from validation.oracles import irvine
 
-MOVING = (0.1, 0.8)  # s_o/l
+MID_TRAVEL = (0.1, 0.8)  # s_o/l
 LATEST = 0.83  # s_o/l: beyond it the level cable goes slack
 
 
@@ -28,14 +28,15 @@ def turning_points(r: Response, reading: str) -> list[tuple[float, str]]:
     reading : "v", the displacement, or "y + v", the point.
     Turns shallower than half a percent of the largest value do not count.
     """
+    start = 0.05  # s_o/l
     curve = _path_spline(r, reading)
-    candidates = _candidate_extremes(curve, 0.05, LATEST)
+    candidates = _candidate_extremes(curve, start, LATEST)
     depths = curve(candidates)
-    deep = 0.005 * np.abs(curve(np.linspace(0.05, LATEST, 4000))).max()
+    prominence = 0.005 * np.abs(curve(np.linspace(start, LATEST, 4000))).max()
     out = []
     for sign, kind in ((1.0, "max"), (-1.0, "min")):
-        peaks = find_peaks(sign * depths, prominence=deep)[0]
-        out += [(float(candidates[i]), kind) for i in peaks]
+        peaks = find_peaks(sign * depths, prominence=prominence)[0]
+        out += [(float(s_o), kind) for s_o in candidates[peaks]]
     return sorted(out)
 
 
@@ -46,8 +47,9 @@ def _path_spline(r: Response, reading: str) -> CubicSpline:
 
 def _candidate_extremes(curve: CubicSpline, start: float, end: float) -> Array:
     """Where a curve may be extreme between two positions, both included."""
-    roots = curve.derivative().roots(extrapolate=False)
-    return np.array([start, *roots[(roots > start) & (roots < end)], end])
+    level = curve.derivative().roots(extrapolate=False)
+    inner = level[(level > start) & (level < end)]
+    return np.array([start, *inner, end])
 
 
 def nearest_turning_point(r: Response, reading: str, near: float, kind: str | None = None) -> float:
@@ -74,15 +76,17 @@ def relative_path_distance(a: Response, b: Response) -> float:
     return measures.relative_path_gap(a, b, measures.WINDOW).largest
 
 
-def relative_energy_without_work(r: Response, with_weight: bool = True) -> float:
-    """Largest energy without work, over weight times largest displacement; with_weight : with M g y(s_o)."""
+def relative_energy_defect(r: Response, with_static_depth: bool = True) -> float:
+    """Largest energy without work, over weight times largest displacement; with_static_depth : with M g y(s_o)."""
     scene = Scene.from_toml(r.scene_toml)
     assert scene.mass is not None
     weight = scene.mass.mass * scene.gravity
     defect = measures.energy_defect(r)
-    if not with_weight:
-        defect = defect + weight * (r.y - r.v)
-    return float(np.abs(defect[measures.steps_in_window(r, measures.WINDOW)]).max() / (weight * r.max_deflection))
+    if not with_static_depth:
+        static_depth = r.y - r.v
+        defect = defect + weight * static_depth
+    largest = np.abs(defect[measures.steps_in_window(r, measures.WINDOW)]).max()
+    return float(largest / (weight * r.max_deflection))
 
 
 def frames_between(r: Response, low: float, high: float) -> slice:
@@ -92,53 +96,62 @@ def frames_between(r: Response, low: float, high: float) -> slice:
     return slice(int(inside[0]), int(inside[-1]) + 1)
 
 
-def moving_tension_profiles(r: Response) -> Iterator[tuple[Array, float]]:
-    """The tension along the cable and s_o/l of each frame in MOVING."""
-    rows = frames_between(r, *MOVING)
+def tension_profiles_mid_travel(r: Response) -> Iterator[tuple[Array, float]]:
+    """The tension along the cable and s_o/l of each frame in MID_TRAVEL."""
+    rows = frames_between(r, *MID_TRAVEL)
     return zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True)
 
 
-def median_tension(r: Response, low: float, high: float) -> Array:
-    """The median tension along the cable, over H, of every such frame."""
-    return np.median(r.fields.T_pointwise[frames_between(r, low, high)], axis=1) / r.horizontal_tension
+def median_tensions_over_H(r: Response, low: float, high: float) -> Array:
+    """The median along the cable of the tension over H, of each frame with s_o/l in [low, high]."""
+    T = r.fields.T_pointwise[frames_between(r, low, high)]
+    return np.median(T, axis=1) / r.horizontal_tension
 
 
-def rms_tension_error(r: Response, reference: Response) -> float:
+def rms_tension_error_over_H(r: Response, reference: Response) -> float:
     """Rms error of the tension off the mass, over H."""
-    return measures.rms_tension_gap_over_H(r, reference, MOVING, "T_pointwise")
+    return measures.rms_tension_gap_over_H(r, reference, MID_TRAVEL, "T_pointwise")
 
 
-def tension_unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Array:
-    """Rms of T about its mean along the cable (or each side), over that mean, by frame, beyond `width` of the mass."""
+def tension_unevenness(r: Response, *, by_side: bool = False, min_distance: float = 0.05) -> Array:
+    """Rms of T about its mean along the cable (or each side), over that mean, by frame.
+
+    min_distance : from the mass, over l.
+    """
     out = []
     s = r.fields.s / r.length
-    for row, s_o in moving_tension_profiles(r):
-        off_mass = np.abs(s - s_o) >= width
-        parts = [off_mass & (s < s_o), off_mass & (s > s_o)] if sides else [off_mass]
+    for row, s_o in tension_profiles_mid_travel(r):
+        off_mass = np.abs(s - s_o) >= min_distance
+        parts = [off_mass]
+        if by_side:
+            parts = [off_mass & (s < s_o), off_mass & (s > s_o)]
         tensions = [row[part] for part in parts if part.any()]
-        out.append(np.mean([np.mean((T / T.mean() - 1.0) ** 2) for T in tensions]))
+        variances = [np.mean((T / T.mean() - 1.0) ** 2) for T in tensions]
+        out.append(np.mean(variances))
     return np.sqrt(out)
 
 
-def tension_ripple(r: Response, near: float = 0.2, far: float = 1.0) -> float:
-    """Rms of T less its running mean over a tenth of the cable on one side, over H, `near` to `far` off the mass."""
+def tension_ripple_over_H(r: Response, *, min_distance: float = 0.2, max_distance: float = 1.0) -> float:
+    """Rms of T less its running mean over a tenth of the cable on one side, over H; distances from the mass, over l."""
     s = r.fields.s / r.length
-    half = round(0.05 * (r.fields.s.size - 1))
+    half = round(0.05 * (s.size - 1))
+    inner = slice(half, -half)  # where the mean has all its stations
     parts = []
-    for row, s_o in moving_tension_profiles(r):
+    for row, s_o in tension_profiles_mid_travel(r):
         for side in (s < s_o, s > s_o):
             if np.count_nonzero(side) > 2 * half:
-                inner = slice(half, -half)  # where the mean has all its stations
-                fast = (row[side] - uniform_filter1d(row[side], 2 * half + 1))[inner]
+                T = row[side]
+                ripple = (T - uniform_filter1d(T, 2 * half + 1))[inner]
                 distance = np.abs(s[side] - s_o)[inner]
-                parts.append(fast[(distance >= near) & (distance <= far)])
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)) / r.horizontal_tension)
+                parts.append(ripple[(distance >= min_distance) & (distance <= max_distance)])
+    rms = np.sqrt(np.mean(np.concatenate(parts) ** 2))
+    return float(rms / r.horizontal_tension)
 
 
 def mean_count_of_tension_extremes(r: Response) -> float:
     """Crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
     counts = []
-    for row, _ in moving_tension_profiles(r):
+    for row, _ in tension_profiles_mid_travel(r):
         T = row / r.horizontal_tension
         crests = find_peaks(T, prominence=0.005)[0]
         troughs = find_peaks(-T, prominence=0.005)[0]
@@ -146,34 +159,33 @@ def mean_count_of_tension_extremes(r: Response) -> float:
     return float(np.mean(counts))
 
 
-def mean_tension_jump(r: Response) -> float:
+def mean_tension_jump_over_H(r: Response) -> float:
     """Mean over frames of the tension ahead of the mass less that behind it, over H."""
     jump = r.fields.T_ahead_pointwise - r.fields.T_behind_pointwise
-    return float(np.mean(jump[frames_between(r, *MOVING)]) / r.horizontal_tension)
+    return float(np.mean(jump[frames_between(r, *MID_TRAVEL)]) / r.horizontal_tension)
 
 
 def reflected_front_meeting_position(r: Response) -> float:
     """s_o/l at which the transverse front from the entry, of speed sqrt(N/rho), meets the mass after its reflection."""
     f = r.fields
-    t = np.concatenate([[0.0], f.t])
+    end = float(f.t[-1])
     taut = np.maximum(f.T_pointwise, 0.0) / r.horizontal_tension
     T = np.concatenate([np.ones_like(taut[:1]), taut])  # (frames + 1, stations)
-    tension = RegularGridInterpolator((t, f.s / r.length), T)
+    tension = RegularGridInterpolator((np.append(0.0, f.t), f.s / r.length), T)
     speed = 1.0 / Scene.from_toml(r.scene_toml).time_scale  # sqrt(H/rho)/l
     mass = CubicSpline(r.t, r.s_o / r.length)
 
     def front_speed(t: float, x: Array) -> Array:
         s = np.clip(1.0 - abs(1.0 - x[0]), 0.0, 1.0)  # unfolded at the far support
-        return speed * np.sqrt(tension((min(t, f.t[-1]), s))).ravel()
+        return speed * np.sqrt(tension((min(t, end), s))).ravel()
 
     def distance_to_mass(t: float, x: Array) -> float:
         return 2.0 - x[0] - float(mass(t))
 
     distance_to_mass.terminal = True  # type: ignore[attr-defined]
-    done = solve_ivp(
-        front_speed, (0.0, float(f.t[-1])), [0.0], events=distance_to_mass, rtol=1e-6, atol=1e-8, max_step=f.t[0]
-    )
-    times = done.t_events[0]
+    tolerances = {"rtol": 1e-6, "atol": 1e-8}
+    front = solve_ivp(front_speed, (0.0, end), [0.0], events=distance_to_mass, max_step=f.t[0], **tolerances)
+    times = front.t_events[0]
     return float(mass(times[0])) if times.size else math.nan
 
 
@@ -197,20 +209,22 @@ def overshoot_exponent_and_bar(rows: list[dict[str, float]]) -> tuple[float, flo
     """The exponent of an overshoot in N, and its bar."""
     first = rows[0]
     last = rows[-1]
-    steps = math.log(last["terms"] / first["terms"])
-    bar = math.hypot(first["spread"] / first["size"], last["spread"] / last["size"]) / steps
-    return math.log(first["size"] / last["size"]) / steps, bar
+    ratio = math.log(last["terms"] / first["terms"])
+    exponent = math.log(first["size"] / last["size"]) / ratio
+    bar = math.hypot(first["spread"] / first["size"], last["spread"] / last["size"]) / ratio
+    return exponent, bar
 
 
-def start_formula_error(groups: Groups, d: float) -> float:
-    """Relative distance of (48) from the g'' that balances (45) at s_o = d, for ten sines."""
-    system = GalerkinSystem(groups, Fourier(10))
+def start_formula_error(groups: Groups, s_o: float) -> float:
+    """Relative distance of (48) from the g'' that balances (45) at s_o, for ten sines."""
+    sines = Fourier(10)
+    system = GalerkinSystem(groups, sines)
     assert groups.motion is not None
     a = groups.motion.position_with_rates(0.0, 0)[2]
     _, xp, yp = groups.tension_and_slope(np.zeros(1))
-    slope = system.basis.basis.phi(np.zeros(1), 1)[0]
+    slope = sines.phi(np.zeros(1), 1)[0]
     force = np.array([a * xp[0], a * yp[0] - groups.sigma])
     load = -groups.mu * np.outer(slope, force)  # (terms, 2)
-    printed = np.linalg.solve(system.basis.basis.mass_matrix(), load).T.ravel() / (3.0 * a)
-    balanced = SystemOverPosition(system).second_derivative_at_start(np.zeros(system.n_dof), d)
+    printed = np.linalg.solve(sines.mass_matrix(), load).T.ravel() / (3.0 * a)
+    balanced = SystemOverPosition(system).second_derivative_at_start(np.zeros(system.n_dof), s_o)
     return float(np.linalg.norm(balanced - printed) / np.linalg.norm(printed))

@@ -22,11 +22,12 @@ from validation.page.page import Section, number_html, render_sections
 from validation.page.plot import BLACK, BLUE, GREY
 
 FIGURES = store.read_packaged_toml(__package__, "figures.toml")
-LOOKS: dict[str, dict[str, Any]] = FIGURES["looks"]
+Table = dict[str, Any]  # of figures.toml or claims.json
+LOOKS: dict[str, Table] = FIGURES["looks"]
 STATIC = LOOKS["static"] | {"label": "static"}
 DOTTED = {"color": GREY, "linewidth": 0.8, "linestyle": (0, (1, 2))}
 
-Shown = list[tuple[Response, dict[str, Any]]]  # runs and their looks
+Shown = list[tuple[Response, Table]]  # runs and their looks
 
 
 def sections(folder: Path) -> list[Section]:
@@ -38,49 +39,57 @@ def sections(folder: Path) -> list[Section]:
 
     parts = []
     for part in FIGURES["section"]:
-        parts.append(part | {"drawn": [_draw_figure(figure, content, stored_response) for figure in part["figure"]]})
-    references = [x | {"name": FIGURES["scenes"][name]} for name, x in content["references"].items()]
+        drawn = [_draw_figure(figure, content, stored_response) for figure in part["figure"]]
+        parts.append(part | {"drawn": drawn})
+    names = FIGURES["scenes"]
+    references = [x | {"name": names[scene]} for scene, x in content["references"].items()]
     return render_sections(
         __package__, content=content, parts=parts, references=references, value=_value_text, text_with_bar=text_with_bar
     )
 
 
-def _value_text(value: float | None, quantity: dict[str, Any], bar: float | None = None) -> str:
+def _value_text(value: float | None, quantity: Table, bar: float | None = None) -> str:
     """A value to the digits of its bar; without one to those that differ from the ends of the range."""
     if value is None:
         return "–"
     if bar and 1e-6 * abs(value) < bar < abs(value) < 1e6:
         return text_with_bar(value, bar).replace(" ± ", "\u202f±\u202f").replace("-", "−")
-    distances = [abs(value / end - 1.0) for end in (quantity["low"], quantity["high"]) if end and end != value]
+    ends = quantity["low"], quantity["high"]
+    distances = [abs(value / end - 1.0) for end in ends if end and end != value]
     digits = 2 - np.floor(np.log10(min(distances, default=1.0)))
     return number_html(value, int(np.clip(digits, 3, 8)))
 
 
-def _draw_figure(figure: dict[str, Any], content: dict[str, Any], stored: Callable[[str], Response]) -> Markup:
+def _draw_figure(figure: Table, content: Table, stored_response: Callable[[str], Response]) -> Markup:
+    """Draw a figure of figures.toml with its caption."""
     claims = {claim["id"]: claim for claim in content["claims"]}
 
     def converged_value(claim: str, i: int = 0) -> float:
         return claims[claim]["quantities"][i]["converged"]
 
-    runs = [(stored(name), LOOKS[look] | {"label": label}) for name, look, label in figure.get("of", ())]
+    runs = []
+    for name, look, label in figure.get("of", ()):
+        runs.append((stored_response(name), LOOKS[look] | {"label": label}))
     caption = render_sentence(figure["caption"], {"converged": converged_value})
+    draw = DRAWN[figure["draw"]]
     with report_style():
-        return captioned_figure(DRAWN[figure["draw"]](figure, content, runs), caption, label=figure["label"])
+        return captioned_figure(draw(figure, content, runs), caption, label=figure["label"])
 
 
-def _draw_frequencies(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    f = content["frequencies"]
-    linear = f["linear_theory"]
-    exact = f["exact"]
+def _draw_frequencies(figure: Table, content: Table, runs: Shown) -> Figure:
+    frequencies = content["frequencies"]
+    linear = frequencies["linear_theory"]
+    exact = frequencies["exact"]
     fig, (top, bottom) = figure_with_axes(2, 1, height=5.0, sharex=True)
     top.axhline(linear, **STATIC | {"label": f"linear theory {linear:.5f}"})
     top.axhline(exact, color=BLACK, linewidth=1.0, linestyle="-", label=f"exact catenary {exact:.5f}")
     bottom.axhline(linear / exact - 1.0, **STATIC)
     for name in ("fourier", "wavelet"):
-        n = np.array(f[name]["terms"])
-        omega = np.array(f[name]["omega_1"])
-        top.plot(n, omega, "-", **FIGURES["ladders"][name])
-        bottom.semilogy(n, omega / exact - 1.0, "-", **FIGURES["ladders"][name])
+        look = FIGURES["ladders"][name]
+        n = np.array(frequencies[name]["terms"])
+        omega = np.array(frequencies[name]["omega_1"])
+        top.plot(n, omega, "-", **look)
+        bottom.semilogy(n, omega / exact - 1.0, "-", **look)
     top.set(ylabel="ω₁ l √(ρ/H)", xlim=(0, 62), ylim=(5.343, 5.375))
     bottom.set(xlabel="number of terms N", ylabel="relative error of ω₁")
     top.legend()
@@ -92,7 +101,7 @@ def _shade_slack(ax: Any, r: Response) -> None:
         ax.axvspan(r.slack_onset, 1.0, color="#f2e6c4", zorder=0, label="cable slack somewhere")
 
 
-def _draw_paths(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_paths(figure: Table, content: Table, runs: Shown) -> Figure:
     """Draw the path of the mass in one reading, over s_o/l; the first run says where the cable is slack."""
     first = runs[0][0]
     reading = figure["reading"]
@@ -114,7 +123,7 @@ def _draw_paths(figure: dict[str, Any], content: dict[str, Any], runs: Shown) ->
     return fig
 
 
-def _draw_along_cable(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_along_cable(figure: Table, content: Table, runs: Shown) -> Figure:
     """Draw shapes or tensions along the cable, one panel for each position of the mass."""
     first = runs[0][0]
     scene = Scene.from_toml(first.scene_toml)
@@ -141,11 +150,13 @@ def _draw_shapes(ax: Any, scene: Scene, runs: Shown, position: float) -> None:
     first = runs[0][0].fields
     ax.plot(first.s / l, static.y(first.s) / l, **STATIC)
     for r, look in runs:
-        f = r.fields
-        ax.plot(f.s / l, (static.y(f.s) + f.v[_nearest_frame(r, position)]) / l, **look)
+        s = r.fields.s
+        y = static.y(s) + r.fields.v[_nearest_frame(r, position)]
+        ax.plot(s / l, y / l, **look)
     i = _nearest_frame(runs[0][0], position)
-    y_mass = static.y(first.s_o[i : i + 1])[0] + first.mass_v[i]
-    ax.plot(first.s_o[i] / l, y_mass / l, "o", color=BLACK, markersize=5)
+    s_o = first.s_o[i]
+    y_mass = static.y(np.array([s_o]))[0] + first.mass_v[i]
+    ax.plot(s_o / l, y_mass / l, "o", color=BLACK, markersize=5)
     ax.set_ylabel("y + v, over l")
 
 
@@ -155,17 +166,19 @@ def _draw_tensions(ax: Any, scene: Scene, runs: Shown, position: float) -> None:
     s = runs[0][0].fields.s
     ax.plot(s / l, scene.catenary.tension(s) / H, **STATIC)
     for r, look in runs:
-        ax.plot(r.fields.s / l, r.fields.T_pointwise[_nearest_frame(r, position)] / H, **look)
+        T = r.fields.T_pointwise[_nearest_frame(r, position)]
+        ax.plot(r.fields.s / l, T / H, **look)
     ax.axvline(position, **DOTTED)
     ax.set_ylabel("T/H")
 
 
 def _nearest_frame(r: Response, position: float) -> int:
     """The frame next to s_o/l."""
-    return int(np.argmin(np.abs(r.fields.s_o / r.length - position)))
+    distances = np.abs(r.fields.s_o / r.length - position)
+    return int(np.argmin(distances))
 
 
-def _draw_tension_levels(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_median_tensions(figure: Table, content: Table, runs: Shown) -> Figure:
     fig, ax = figure_with_axes(height=3.2)
     _shade_slack(ax, runs[0][0])
     for r, look in runs:
@@ -177,23 +190,24 @@ def _draw_tension_levels(figure: dict[str, Any], content: dict[str, Any], runs: 
     return fig
 
 
-def _draw_travel_law(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_travel_law(figure: Table, content: Table, runs: Shown) -> Figure:
     """Draw acceleration, speed and position of the mass over time."""
     motion = Scene.from_toml(runs[0][0].scene_toml).groups.motion
     assert motion is not None
     fig, axes = figure_with_axes(3, 1, height=4.2, sharex=True)
     for k, (t0, t1) in enumerate(motion.phases):
         t = np.linspace(t0, t1, 60)
-        rows = np.array([motion.position_with_rates(float(x), k) for x in t])
-        for ax, column in zip(axes, (2, 1, 0), strict=True):
-            ax.plot(t, rows[:, column], color=BLUE, linestyle="-")
+        positions_with_rates = [motion.position_with_rates(float(x), k) for x in t]
+        s_o, ds_o, dds_o = np.array(positions_with_rates).T
+        for ax, values in zip(axes, (dds_o, ds_o, s_o), strict=True):
+            ax.plot(t, values, color=BLUE, linestyle="-")
     for ax, name in zip(axes, ("aₒ*", "Vₒ*", "sₒ*"), strict=True):
         ax.set_ylabel(name)
     axes[2].set_xlabel("t*")
     return fig
 
 
-def _draw_overshoot(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_overshoot(figure: Table, content: Table, runs: Shown) -> Figure:
     fig, ax = figure_with_axes(height=3.2)
     for method, ladder in content["overshoot"].items():
         n = [x["terms"] for x in ladder]
@@ -205,14 +219,16 @@ def _draw_overshoot(figure: dict[str, Any], content: dict[str, Any], runs: Shown
     return fig
 
 
-def _draw_outlook(figure: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    x = content["outlook"]["x"]
+def _draw_outlook(figure: Table, content: Table, runs: Shown) -> Figure:
+    rides = content["outlook"]
+    x = rides["x"]
     fig, (top, bottom) = figure_with_axes(2, 1, height=5.0, sharex=True)
     for angle, color in FIGURES["angles"].items():
-        ride = content["outlook"][angle]
+        ride = rides[angle]
+        loads = ride["loads"]
         top.plot(x, ride["change"], "-", color=color, label=f"thrust at {angle}°")
-        bottom.plot(x, ride["loads"]["wheel_front"], "-", color=color)
-        bottom.plot(x, ride["loads"]["wheel_rear"], "--", color=color)
+        bottom.plot(x, loads["wheel_front"], "-", color=color)
+        bottom.plot(x, loads["wheel_rear"], "--", color=color)
     top.invert_yaxis()
     top.set(ylabel="change of the path [m]")
     bottom.set(xlabel="x [m]", ylabel="wheel load over weight")
@@ -220,8 +236,8 @@ def _draw_outlook(figure: dict[str, Any], content: dict[str, Any], runs: Shown) 
     return fig
 
 
-DRAWN: dict[str, Callable[[dict[str, Any], dict[str, Any], Shown], Figure]] = {
+DRAWN: dict[str, Callable[[Table, Table, Shown], Figure]] = {
     "frequencies": _draw_frequencies, "paths": _draw_paths, "shapes": _draw_along_cable,
-    "tensions": _draw_along_cable, "levels": _draw_tension_levels,
+    "tensions": _draw_along_cable, "levels": _draw_median_tensions,
     "law": _draw_travel_law, "overshoot": _draw_overshoot, "outlook": _draw_outlook,
 }  # fmt: skip

@@ -22,11 +22,10 @@ def paper_scenes() -> dict[str, Scene]:
     """The paper's scenes, the level one with Wu & Chen's mu = 2, and (12) taken literally (a rising chord)."""
     level = Scene.load("level")
     inclined = Scene.load("inclined")
-    rising = inclined.variant(supports=inclined.supports.model_copy(update={"drop": -inclined.supports.drop}))
-    return {
-        "level": level, "heavy": level.variant(mu=2.0, name="level-mu-2"), "cruise": Scene.load("cruise"),
-        "inclined": inclined, "rising": rising.variant(name="rising"),
-    }  # fmt: skip
+    supports = inclined.supports
+    rising = inclined.variant(supports=supports.model_copy(update={"drop": -supports.drop}), name="rising")
+    heavy = level.variant(mu=2.0, name="level-mu-2")
+    return {"level": level, "heavy": heavy, "cruise": Scene.load("cruise"), "inclined": inclined, "rising": rising}
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +73,10 @@ def planned_runs(quick: bool = False) -> dict[str, Job]:
         ladder[f"-{word}-resolution"] = scaled_settings(method, fine, space=share)
         ladder[f"-{word}-steps"] = scaled_settings(method, fine, time=share)
     jobs: dict[str, Job] = {}
-    for scene in SETTINGS["references"]:
+    scenes = SETTINGS["references"]
+    for scene in scenes:
         jobs |= {f"{scene}-reference{end}": (scene, name, x) for end, x in ladder.items()}
-    jobs |= {f"{scene}-cross": (scene, *SETTINGS["cross"]) for scene in SETTINGS["references"]}
+    jobs |= {f"{scene}-cross": (scene, *SETTINGS["cross"]) for scene in scenes}
     jobs |= {run_name: tuple(job) for run_name, job in SETTINGS["runs"].items()}  # after the long ones
     return {run_name: _with_fewer_steps(job) for run_name, job in jobs.items()} if quick else jobs
 

@@ -34,8 +34,7 @@ def paper(out: Path, report: Progress = no_progress, *, quick: bool = False) -> 
         }  # fmt: skip
     content = {
         "quick": quick, "claims": claims, "count": {verdict: counts[verdict] for verdict in judged.VERDICTS},
-        "references": references, "frequencies": numbers["frequencies"], "overshoot": numbers["overshoot"],
-        "outlook": numbers["outlook"],
+        "references": references, **{name: numbers[name] for name in ("frequencies", "overshoot", "outlook")},
     }  # fmt: skip
     write_json(out / "claims.json", content)
     report("claims", 1.0)

@@ -23,18 +23,22 @@ def relative_free_vibration_energy(
 
     Above the hanging cable's.  speed : at the start, of one sine of `terms`.
     """
-    system = GalerkinSystem(replace(groups, mu=0.0, motion=rest_motion(0.5, dt * steps)), Fourier(terms))
+    end = dt * steps
+    bare = replace(groups, mu=0.0, motion=rest_motion(0.5, end))
+    system = GalerkinSystem(bare, Fourier(terms))
+    at_rest = State(0.0, *np.zeros((3, system.n_dof)))
     v = np.zeros(system.n_dof)
     v[terms + sine - 1] = speed
-    states = [consistent_acceleration(system, 0.0, np.zeros_like(v), v, 0)]
-    times = np.linspace(0.0, dt * steps, steps + 1)
+    start = consistent_acceleration(system, 0.0, at_rest.q, v, 0)
+    times = np.linspace(0.0, end, steps + 1)
     newton = Newton(tol=1e-9, max_iter=40)
+    states = [at_rest, start]
     with suppress(newmark.StepFailure):
-        states.extend(newmark.integrate(system, scheme, [times], newton=newton, start=states[0]))
-    at_rest_state = State(0.0, *np.zeros((3, system.n_dof)))
+        states.extend(newmark.integrate(system, scheme, [times], newton=newton, start=start))
     with np.errstate(over="ignore", invalid="ignore"):
-        energy = system.observe(stack_states([at_rest_state, *states]), np.zeros(0), np.zeros(0, np.intp)).energy
-        return (energy[1:] - energy[0]) / (energy[1] - energy[0])
+        history = system.observe(stack_states(states), np.zeros(0), np.zeros(0, np.intp))
+        energy = history.energy - history.energy[0]
+        return energy[1:] / energy[1]
 
 
 def max_relative_vibration_energy(groups: Groups, steps_per_period: int, scheme_name: str = "trapezoidal") -> float:
@@ -42,8 +46,13 @@ def max_relative_vibration_energy(groups: Groups, steps_per_period: int, scheme_
 
     steps_per_period : of the first mode.
     """
-    swing = SETTINGS["vibration"]
-    dt = 2.0 * np.pi / 5.3454766 / steps_per_period
-    steps = round(swing["periods"] * steps_per_period)
-    how = {"terms": swing["terms"], "speed": swing["speed"], "dt": dt, "steps": steps}
-    return float(np.nanmax(relative_free_vibration_energy(groups, newmark.scheme(scheme_name), **how)))
+    settings = SETTINGS["vibration"]
+    energy = relative_free_vibration_energy(
+        groups,
+        newmark.scheme(scheme_name),
+        terms=settings["terms"],
+        speed=settings["speed"],
+        dt=2.0 * np.pi / 5.3454766 / steps_per_period,
+        steps=round(settings["periods"] * steps_per_period),
+    )
+    return float(np.nanmax(energy))
