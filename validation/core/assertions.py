@@ -10,7 +10,8 @@ from validation.core import foreign, measures
 from validation.core.agreement import Agreement, Bound, BoundPart, Verdict
 from validation.core.foreign import ForeignPath
 from validation.core.measures import NotComparable, Window
-from validation.core.motion_rows import LineRun, contact_tension, distances, largest_tension_at_start
+from validation.core.motion_laws import tension_behind_or_ahead
+from validation.core.motion_rows import LineRun, distances, largest_tension_at_start
 
 
 class LineAnswer(Protocol):
@@ -153,7 +154,7 @@ def _worst_mean_tension_gap(a: LineRun, b: LineRun, t: Array) -> tuple[str, Arra
 def _round_trip_mean_tensions(run: LineRun, t: Array) -> dict[str, Array]:
     """Tensions (n,) [N] at contacts and cars, means over an axial round trip at the times t (n,), by where they are."""
     motion = run.motion
-    tensions = {contact.name: contact_tension(contact) for contact in motion.contacts}
+    tensions = {contact.name: tension_behind_or_ahead(contact) for contact in motion.contacts}
     for car in motion.cars:
         tensions |= {
             f"the rope behind {car.name}": car.tension_behind,

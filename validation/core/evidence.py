@@ -14,7 +14,7 @@ from scipy.integrate import simpson
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from cablefem.response import Array, Response
-from validation.core.scene_data import ROUNDING, SceneData, is_within
+from validation.core.scene_data import ROUNDING, SceneData, air_drag_factor, is_within, thrust_times_and_forces
 
 AT_REST = ("s", "x", "y", "T_static")
 
@@ -185,27 +185,18 @@ class Evidence:
         return np.asarray(CubicSpline(self.r.t, self.r.s_o)(self.r.t, 1))
 
     @cached_property
-    def thrust_times_and_forces(self) -> tuple[Array, Array]:
-        """Times [s] and forces [N] of the TOML's thrust; a constant one never ends."""
-        thrust = self.data.drive.get("thrust", 0.0)
-        if not isinstance(thrust, dict):
-            thrust = {"times": [0.0, math.inf], "forces": [thrust, thrust]}
-        return np.array(thrust["times"], float), np.array(thrust["forces"], float)
-
-    @cached_property
     def thrust_or_haul_force(self) -> Array:
         """Thrust on a free car along the mean tangent (n,) [N], else the run's haul force."""
         if self.r.drive == "haul":
             return np.nan_to_num(self.r.F_haul)
-        return np.interp(self.r.t, *self.thrust_times_and_forces, left=0.0, right=0.0)
+        return np.interp(self.r.t, *thrust_times_and_forces(self.data.drive), left=0.0, right=0.0)
 
     @cached_property
     def air_drag_force(self) -> Array:
         """Drag on the car by the TOML (n, 2) [N]."""
         drive = self.data.drive
-        k = 0.5 * drive.get("air_density", 1.2) * drive.get("drag_area", 0.0)
         past = self.r.velocity - [drive.get("wind", 0.0), 0.0]
-        return -k * np.hypot(past[:, 0], past[:, 1])[:, None] * past
+        return -air_drag_factor(drive) * np.hypot(past[:, 0], past[:, 1])[:, None] * past
 
     @cached_property
     def rolling_friction_and_brake_force(self) -> tuple[Array, Array]:

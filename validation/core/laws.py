@@ -20,7 +20,7 @@ from validation.core import rest, timetable
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.evidence import Evidence, Side, TimeWindows, Window, cross_product
 from validation.core.order import FIRST, SAFETY, error_bar
-from validation.core.scene_data import ROUNDING, ordinate_on_unit_slope
+from validation.core.scene_data import ROUNDING, ordinate_on_unit_slope, thrust_times_and_forces
 
 DOWN = np.array([0.0, 1.0])
 
@@ -330,7 +330,7 @@ def drive_and_event_defect(evidence: Evidence) -> Defect:
     drive = evidence.data.drive
     l = evidence.r.fields.s[-1]
     T = evidence.r.t[-1]
-    times, forces = evidence.thrust_times_and_forces
+    times, forces = thrust_times_and_forces(drive)
     start = timetable.start_position(evidence.data.travel, drive, l)
     off = [(r.s_o[0] - start) / l]
     expected = {  # of each event: what is expected where, and the scale of its defect

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from validation.core.scene_data import Array
+from validation.core.scene_data import Array, air_drag_factor, thrust_times_and_forces
 
 ComplexVector = NDArray[np.complex128]
 Sampled = Callable[[Array], Array]  # takes samples of values at steps
@@ -30,6 +30,11 @@ def cross_product(a: ComplexVector, b: ComplexVector) -> Array:
 
 def to_complex(points: Array) -> ComplexVector:
     return points[..., 0] + 1j * points[..., 1]
+
+
+def to_vectors(v: ComplexVector) -> Array:
+    """(n, 2) of (n,)."""
+    return np.stack([v.real, v.imag], axis=1)
 
 
 def unit_vector(v: ComplexVector) -> ComplexVector:
@@ -132,27 +137,22 @@ class CarBody:
     def _set_drive_forces_and_powers(self, car: Any, sampled: Sampled) -> None:
         """Set `force` and `moment` of thrust or haul rope, `drag`, and `powers` of these and of damping."""
         drive = self.data.get("drive", {})
-        thrust = drive.get("thrust", 0.0)
-        if not isinstance(thrust, dict):
-            thrust = {"times": [0.0, math.inf], "forces": [thrust, thrust]}
         after = np.append(False, np.diff(self.t) <= 0.0)  # a thrust may jump where a time stands twice
         times = self.t + 1e-9 * self.t[-1] * after
-        force = np.interp(times, thrust["times"], thrust["forces"], left=0.0, right=0.0)
-        at = thrust.get("at", (0.0, 0.0))
-        angle = math.radians(thrust.get("angle", 0.0))
+        force = np.interp(times, *thrust_times_and_forces(drive), left=0.0, right=0.0)
+        thrust = drive.get("thrust", {})
+        described = thrust if isinstance(thrust, dict) else {}
+        at = described.get("at", (0.0, 0.0))
+        angle = math.radians(described.get("angle", 0.0))
         if drive.get("mode") == "haul":
             force = sampled(car.haul_force)
             at = drive.get("hitch", at)
             angle = 0.0
-        lever = self.e * complex(*at)
-        if self.has_cabin:
-            lever = self.arms[0]
+        lever = self.arms[0] if self.has_cabin else self.e * complex(*at)
         self.force = force * np.exp(-1j * angle) * self.e
         self.moment = cross_product(lever, self.force)
-        density = drive.get("air_density", 1.2)  # [kg/m3]
-        k = 0.5 * density * drive.get("drag_area", 0.0)
         air = self.dc - drive.get("wind", 0.0)
-        self.drag = -k * np.abs(air) * air
+        self.drag = -air_drag_factor(drive) * np.abs(air) * air
         self.powers = [dot(self.force, self.dc + 1j * self.rate * lever), dot(self.drag, self.dc)]
         self.powers.append(-self.damping * self.rate**2)
 

@@ -24,10 +24,35 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from validation.core.motion_bodies import CarBody, to_complex
-from validation.core.scene_data import ROUNDING, Array, LineData, read_csv_columns, rope_stresses_at_wheel
+from validation.core.motion_bodies import CarBody, to_complex, to_vectors
+from validation.core.scene_data import (
+    ROUNDING,
+    Array,
+    LineData,
+    min_height_over,
+    obstacle_and_ground_profiles,
+    read_csv_columns,
+    rope_stresses_at_wheel,
+)
 
 WINDOWS = 12
+# kinds of design numbers, and their columns of a car's file
+COLUMN_OF_QUANTITY = {
+    "haul": "F_haul",
+    "contact": "F_contact",
+    "speed": "speed",
+    "depth": "y",
+    "swing": "swing",
+    "pitch": "pitch",
+}
+
+
+class Counterweight(NamedTuple):
+    """A counterweight at an end of the rope."""
+
+    outward: float  # e: +1 at the right end, -1 at the left one
+    contact_index: int
+    table: dict[str, Any]
 
 
 class LineTables(LineData):
@@ -39,17 +64,24 @@ class LineTables(LineData):
         self.q = self.rho * self.gravity
         self.cars: dict[str, dict[str, Any]] = {car["name"]: car for car in self.data.get("car", [])}
 
-    def counterweights(self) -> Iterator[tuple[float, int, dict[str, Any]]]:
-        """e, index and table of a counterweight."""
-        for e, k in ((-1.0, 0), (1.0, -1)):
-            if self.contacts[k]["kind"] == "counterweight":
-                yield e, k, self.contacts[k]
+    def counterweights(self) -> list[Counterweight]:
+        ends = [Counterweight(-1.0, 0, self.contacts[0]), Counterweight(1.0, -1, self.contacts[-1])]
+        return [end for end in ends if end.table["kind"] == "counterweight"]
 
 
-def tension_at_contact(contact: Any) -> Array:
-    """Tension (n,) [N]; at a saddle that behind."""
+# --- the motion at steps ---------------------------------------------------------------------------------------------
+
+
+def tension_behind_or_ahead(contact: Any) -> Array:
+    """Tension (n,) [N] behind a contact, or that ahead at the left end; a saddle has the same on both sides."""
     behind = contact.tension_behind
     return np.asarray(np.where(np.isnan(behind), contact.tension_ahead, behind))
+
+
+def mean_tension(contact: Any) -> Array:
+    """Mean (n,) [N] of the tensions behind and ahead of a contact or car, or the only one."""
+    sides = np.array([contact.tension_behind, contact.tension_ahead])
+    return np.asarray(np.where(np.isnan(sides), sides[::-1], sides).mean(axis=0))
 
 
 def contacts_cars_and_rear_wheels(motion: Any) -> list[Any]:
@@ -58,8 +90,35 @@ def contacts_cars_and_rear_wheels(motion: Any) -> list[Any]:
     return [*motion.contacts, *motion.cars, *rear]
 
 
+class RopeChain(NamedTuple):
+    """The rope at n times as k points in order of s: stations, contacts and cars."""
+
+    s: Array  # (n, k)
+    points: Array  # (n, k, 2)
+    tension: Array  # (n, k), at contacts and cars the mean of both sides
+
+
+def rope_chain(motion: Any) -> RopeChain:
+    """The rope of a motion; stations beyond it are put at the first contact."""
+    touching = contacts_cars_and_rear_wheels(motion)
+    first = motion.contacts[0]
+    on_rope = np.isfinite(motion.tension)  # (n, stations)
+    s = np.where(on_rope, motion.s, first.s[:, None])
+    points = np.where(on_rope[..., None], motion.points, first.point[:, None])
+    tension = np.where(on_rope, motion.tension, first.tension_ahead[:, None])
+    s = np.column_stack([s, *(x.s for x in touching)])
+    points = np.concatenate([points, np.stack([x.point for x in touching], axis=1)], axis=1)
+    tension = np.column_stack([tension, *(mean_tension(x) for x in touching)])
+    order = np.argsort(s, axis=1, kind="stable")
+    return RopeChain(
+        np.take_along_axis(s, order, axis=1),
+        np.take_along_axis(points, order[..., None], axis=1),
+        np.take_along_axis(tension, order, axis=1),
+    )
+
+
 class SampledMotion:
-    """A motion at every step, or every second one, and the rope as a chain of points (n, k, 2)."""
+    """A motion at every step, or every second one, and the rope as pieces between k points."""
 
     def __init__(self, line: LineTables, motion: Any, every: int) -> None:
         self.line = line
@@ -68,35 +127,19 @@ class SampledMotion:
         self.cars = list(motion.cars)
         self.contacts = list(motion.contacts)
         self.bodies = [CarBody(line.cars[car.name], car, motion, self.at_samples, line.gravity) for car in self.cars]
-        touching = contacts_cars_and_rear_wheels(motion)
-        first = self.contacts[0]
-        tension = self.at_samples(motion.tension)
-        here = np.isfinite(tension)  # stations on the rope; the others are put at the first contact
-        s = np.where(here, motion.s, self._column(first.s))
-        points = np.where(here[..., None], self.at_samples(motion.points), self._column(first.point))
-        tension = np.where(here, tension, self._column(first.tension_ahead))
-        s = np.concatenate([s, *(self._column(x.s) for x in touching)], axis=1)
-        points = np.concatenate([points, *(self._column(x.point) for x in touching)], axis=1)
-        tension = np.concatenate([tension, *(self.mean_tension_at(x)[:, None] for x in touching)], axis=1)
-        order = np.argsort(s, axis=1, kind="stable")
-        self.ds = np.diff(np.take_along_axis(s, order, axis=1), axis=1)  # (n, k - 1)
-        chain = np.take_along_axis(points, order[..., None], axis=1)
-        T = np.take_along_axis(tension, order, axis=1)
-        self.middles = 0.5 * (chain[:, 1:] + chain[:, :-1])
-        self.squares = 0.5 * (T[:, 1:] ** 2 + T[:, :-1] ** 2)
+        s, points, T = (self.at_samples(values) for values in rope_chain(motion))
+        self.ds = np.diff(s, axis=1)  # (n, k - 1)
+        self.middles = 0.5 * (points[:, 1:] + points[:, :-1])
+        self.squared_tension = 0.5 * (T[:, 1:] ** 2 + T[:, :-1] ** 2)
         self.kinetic = self._kinetic_energy_of_rope(motion)
 
     def at_samples(self, values: Array) -> Array:
         return np.asarray(values[self.taken])
 
-    def _column(self, values: Array) -> Array:
-        """Values (n, ...) at samples as one station (n, 1, ...)."""
-        return self.at_samples(values)[:, None]
-
-    def mean_tension_at(self, contact: Any) -> Array:
-        """Mean (n,) [N] of the tensions behind and ahead, or the only one."""
-        sides = np.array([self.at_samples(contact.tension_behind), self.at_samples(contact.tension_ahead)])
-        return np.asarray(np.where(np.isnan(sides), sides[::-1], sides).mean(axis=0))
+    def along_rope(self, values: Array) -> Array:
+        """Integral (n,) or (n, c) over the rope of values (n, k - 1) or (n, k - 1, c) of its pieces."""
+        ds = self.ds.reshape(*self.ds.shape, *[1] * (values.ndim - 2))
+        return np.asarray((values * ds).sum(axis=1))
 
     def _kinetic_energy_of_rope(self, motion: Any) -> Array:
         """By the velocities of its stations (n,) [J]."""
@@ -118,23 +161,32 @@ def every_nth_step(t: Array, n: int) -> NDArray[np.intp]:
     return np.concatenate([np.unique(piece) for piece in pieces])
 
 
-def _time_integral(t: Array, values: Array) -> Array:
-    """Integral of values (n, ...) over t."""
-    steps = np.diff(t).reshape(-1, *[1] * (values.ndim - 1))
-    return np.asarray((0.5 * (values[1:] + values[:-1]) * steps).sum(axis=0))
-
-
-class WindowWeight(NamedTuple):
-    """Weight function W(t) = (1 - cos x)^2/4 of a window of time, and its derivatives, at samples `part` (k,)."""
+class TimeWindow(NamedTuple):
+    """A window of time with its weight W(t) = (1 - cos x)^2/4 and the derivatives, at samples `part` (k,)."""
 
     part: slice
+    t: Array
     W: Array
     W1: Array
     W2: Array
 
+    def integral(self, values: Array) -> Array:
+        """Integral over time of values (k, ...) in the window."""
+        steps = np.diff(self.t).reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray((0.5 * (values[1:] + values[:-1]) * steps).sum(axis=0))
 
-def _window_weights(t: Array, end: float) -> Iterator[WindowWeight]:
-    """Those of WINDOWS windows, spread over the times t up to `end`."""
+    def weighted_integral(self, values: Array) -> float:
+        """int W f dt of values f (n,) at all samples."""
+        return float(self.integral(self.W * values[self.part]))
+
+    @property
+    def duration(self) -> float:
+        """int W dt [s]."""
+        return float(self.integral(self.W))
+
+
+def _time_windows(t: Array, end: float) -> Iterator[TimeWindow]:
+    """WINDOWS windows, spread over the times t up to `end`."""
     share = 0.25  # length of a window over the run's
     length = share * end
     for middle in np.linspace(0.5 * length, end - 0.5 * length, WINDOWS):
@@ -148,122 +200,126 @@ def _window_weights(t: Array, end: float) -> Iterator[WindowWeight]:
         W = 0.25 * (1.0 - cos) ** 2
         W1 = 0.5 * k * (1.0 - cos) * sin
         W2 = 0.5 * k**2 * (sin**2 + (1.0 - cos) * cos)
-        yield WindowWeight(part, W, W1, W2)
+        yield TimeWindow(part, t[part], W, W1, W2)
+
+
+def cumulative_integral(t: Array, values: Array) -> Array:
+    """Integrals (n,) from the first time, by trapezoids."""
+    means = 0.5 * (values[1:] + values[:-1])
+    return np.append(0.0, np.cumsum(means * np.diff(t)))
+
+
+def relative_energy_defect(t: Array, energy: Array, powers: Sequence[Array]) -> Array:
+    """Energy less work since the start (n,), over all work done: the integrals of |power| of all powers (n,)."""
+    work = cumulative_integral(t, sum(powers, np.zeros(t.size)))
+    all_work = sum(float(cumulative_integral(t, np.abs(power))[-1]) for power in powers)
+    return np.asarray((energy - energy[0] - work) / (all_work or 1.0))
+
+
+# --- laws -------------------------------------------------------------------------------------------------------------
 
 
 def momentum_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects (WINDOWS, 2) of the momentum of rope and cars in x and y, over the largest tension."""
     line = LineTables(toml)
     x = SampledMotion(line, motion, every)
-    moment = line.rho * (x.middles * x.ds[..., None]).sum(axis=1)  # (n, 2)
+    moment = line.rho * x.along_rope(x.middles)  # (n, 2)
     force = np.zeros_like(moment)
     force[:, 1] = line.q * x.ds.sum(axis=1)
-    impulse = np.zeros_like(moment)
+    momentum = np.zeros_like(moment)  # of cars
     for body in x.bodies:
-        outside = body.force + body.drag + 1j * body.data["mass"] * line.gravity
-        force += np.stack([outside.real, outside.imag], axis=1)
-        impulse += np.stack([body.momentum.real, body.momentum.imag], axis=1)
+        weight = 1j * body.data["mass"] * line.gravity
+        force += to_vectors(body.force + body.drag + weight)
+        momentum += to_vectors(body.momentum)
     for contact in x.contacts:
         force -= x.at_samples(contact.pressure)
-    first = x.contacts[0]
-    last = x.contacts[-1]
-    at_last = x.at_samples(last.point) * x.at_samples(last.ds)[:, None]  # (n, 2)
-    at_first = x.at_samples(first.point) * x.at_samples(first.ds)[:, None]
+    at_last, at_first = (x.at_samples(motion.contacts[k].point * motion.contacts[k].ds[:, None]) for k in (-1, 0))
     entering = line.rho * (at_last - at_first)
-    largest = max(float(np.max(x.mean_tension_at(body))) for body in (*x.contacts, *x.cars))
-    out = []
-    for part, W, W1, W2 in _window_weights(x.t, end):
-        t = x.t[part]
-        m = moment[part]
-        share = ((t - t[0]) / (t[-1] - t[0]))[:, None]
+    touching = [*x.contacts, *x.cars]
+    largest = max(float(np.max(x.at_samples(mean_tension(body)))) for body in touching)
+    defects = []
+    for window in _time_windows(x.t, end):
+        m = moment[window.part]
+        share = ((window.t - window.t[0]) / (window.t[-1] - window.t[0]))[:, None]
         m = m - (m[0] + share * (m[-1] - m[0]))  # W'' and a linear function have no integral
-        rate = W2[:, None] * m + W1[:, None] * (entering[part] - impulse[part])
-        defect = _time_integral(t, rate - W[:, None] * force[part])
-        out.append(defect / (_time_integral(t, W) * largest))
-    return np.array(out)
+        change = window.W2[:, None] * m
+        change += window.W1[:, None] * (entering[window.part] - momentum[window.part])
+        defect = window.integral(change - window.W[:, None] * force[window.part])
+        defects.append(defect / (window.duration * largest))
+    return np.array(defects)
 
 
 def counterweight_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
-    """Defects of the motion of a counterweight, over its force."""
+    """Defects of the motion of counterweights, over their forces."""
     line = LineTables(toml)
     steps = every_nth_step(motion.t, every)
     t = motion.t[steps]
-    out = []
-    for e, k, data in line.counterweights():
-        G = data["tension"]
+    defects = []
+    for outward, k, table in line.counterweights():
+        G = table["tension"]
         contact = motion.contacts[k]
-        N = tension_at_contact(contact)[steps]
-        rate = e * (1.0 + G / line.EA) * contact.ds[steps]
-        for part, W, W1, _ in _window_weights(t, end):
-            weighted = W * (N[part] - G) + W1 * G / line.gravity * rate[part]
-            defect = _time_integral(t[part], weighted)
-            out.append(float(defect) / (G * float(_time_integral(t[part], W))))
-    return np.array(out)
+        N = tension_behind_or_ahead(contact)[steps]
+        rise_rate = outward * (1.0 + G / line.EA) * contact.ds[steps]
+        for window in _time_windows(t, end):
+            impulse = window.W * (N[window.part] - G)
+            change = window.W1 * G / line.gravity * rise_rate[window.part]
+            defects.append(float(window.integral(impulse + change)) / (G * window.duration))
+    return np.array(defects)
 
 
 def energy_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Energy less work since the start (n,), over all work done."""
     line = LineTables(toml)
     x = SampledMotion(line, motion, every)
-    depth = (x.middles[..., 1] * x.ds).sum(axis=1)  # integrals over the rope (n,)
-    squared_tension = (x.squares * x.ds).sum(axis=1)
-    E = x.kinetic - line.q * depth + squared_tension / (2.0 * line.EA)
+    depth = x.along_rope(x.middles[..., 1])
+    energy = x.kinetic - line.q * depth + x.along_rope(x.squared_tension) / (2.0 * line.EA)
     powers = []
     for body in x.bodies:
-        E += body.energy
+        energy += body.energy
         powers += body.powers
     for contact, table in zip(x.contacts, line.contacts, strict=True):
         if table["kind"] == "spring":
             shift = x.at_samples(contact.point) - table["at"]  # (n, 2)
-            E += 0.5 * (np.array(table["stiffness"]) * shift**2).sum(axis=1)
-    for e, k, table in line.counterweights():
+            energy += 0.5 * (np.array(table["stiffness"]) * shift**2).sum(axis=1)
+    for outward, k, table in line.counterweights():
         contact = x.contacts[k]
-        N = x.mean_tension_at(contact)
+        N = x.at_samples(mean_tension(contact))
         ds = x.at_samples(contact.ds)
-        moving = 0.5 * line.rho * (ds * (1.0 + N / line.EA)) ** 2
-        per_length = N + N**2 / (2.0 * line.EA) + line.q * table["at"][1] - moving
-        powers.append(-e * ds * per_length)
-    steps = np.diff(x.t)
-
-    def work_since_start(power: Array) -> Array:
-        means = 0.5 * (power[1:] + power[:-1])
-        return np.append(0.0, np.cumsum(means * steps))
-
-    scale = sum(float(work_since_start(np.abs(power))[-1]) for power in powers) or 1.0
-    return np.asarray((E - E[0] - work_since_start(np.sum(powers, axis=0))) / scale)
+        kinetic = 0.5 * line.rho * (ds * (1.0 + N / line.EA)) ** 2
+        per_length = N + N**2 / (2.0 * line.EA) + line.q * table["at"][1] - kinetic
+        powers.append(-outward * ds * per_length)
+    return relative_energy_defect(x.t, energy, powers)
 
 
 def moment_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects of the moment of momentum of cabins and cars on two wheels, over their weight and size."""
     x = SampledMotion(LineTables(toml), motion, every)
-    out = []
+    defects = []
     for body in x.bodies:
         if body.turning is None:
             continue
         moment, momentum = body.moment_and_angular_momentum()
-        for part, W, W1, _ in _window_weights(x.t, end):
-            t = x.t[part]
-            defect = float(_time_integral(t, W * moment[part] + W1 * momentum[part]))
-            scale = body.masses[1][0] * body.g * body.size
-            out.append(defect / (scale * float(_time_integral(t, W))))
-    return np.array(out)
+        scale = body.masses[1][0] * body.g * body.size
+        for window in _time_windows(x.t, end):
+            change = window.W * moment[window.part] + window.W1 * momentum[window.part]
+            defects.append(float(window.integral(change)) / (scale * window.duration))
+    return np.array(defects)
 
 
 def kink_force_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects of the forces of cabins and wheels on the rope, by its tensions and slopes there, over the weight."""
     line = LineTables(toml)
     x = SampledMotion(line, motion, every)
-    out = []
+    defects = []
     for body in x.bodies:
+        weight = body.data["mass"] * body.g
         for touching in body.touching if body.turning is not None else ():
             defect = touching.force_on_rope - touching.force_from_rope_kink(line.rho)
-            weight = body.data["mass"] * body.g
-            for part, W, _, _ in _window_weights(x.t, end):
-                t = x.t[part]
-                along = _time_integral(t, W * defect.real[part])
-                down = _time_integral(t, W * defect.imag[part])
-                out.append(math.hypot(along, down) / (weight * float(_time_integral(t, W))))
-    return np.array(out)
+            for window in _time_windows(x.t, end):
+                along = window.weighted_integral(defect.real)
+                down = window.weighted_integral(defect.imag)
+                defects.append(math.hypot(along, down) / (weight * window.duration))
+    return np.array(defects)
 
 
 def centre_of_mass_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
@@ -283,17 +339,16 @@ def holding_force_excesses_by_window(toml: str, motion: Any, end: float, every: 
     Waves in the rope pass the limit for moments; the mean of a car that stays does not.
     """
     x = SampledMotion(LineTables(toml), motion, every)
-    out = []
+    excesses = []
     for body in x.bodies:
         held = body.held_by_friction * body.touching[-1].along
         largest = body.held_by_friction * body.resistance
-        for part, W, _, _ in _window_weights(x.t, end):
-            t = x.t[part]
-            needed = abs(float(_time_integral(t, W * held[part])))
-            excess = needed - float(_time_integral(t, W * largest[part]))
-            weight = body.data["mass"] * body.g
-            out.append(max(excess, 0.0) / (weight * float(_time_integral(t, W))))
-    return np.array(out)
+        weight = body.data["mass"] * body.g
+        for window in _time_windows(x.t, end):
+            needed = abs(window.weighted_integral(held))
+            excess = needed - window.weighted_integral(largest)
+            excesses.append(max(excess, 0.0) / (weight * window.duration))
+    return np.array(excesses)
 
 
 def any_free_car_sticks(toml: str, motion: Any) -> bool:
@@ -342,25 +397,25 @@ def faults_of_line_files(folder: Path, motion: Any, design: Sequence[dict[str, A
 
 def _expected_columns_of_car(car: Any, motion: Any) -> dict[str, Array]:
     """Columns (n,) of a car's file."""
-    path = {
-        "t": motion.t, "s_o": car.s, "x": car.point[:, 0], "y": car.point[:, 1], "T_behind": car.tension_behind,
-        "T_ahead": car.tension_ahead, "speed": np.hypot(*car.velocity.T), "F_contact": car.contact_force,
-        "F_haul": car.haul_force,
-    }  # fmt: skip
+    columns = {"t": motion.t, "s_o": car.s, "F_contact": car.contact_force, "F_haul": car.haul_force}
+    columns["x"], columns["y"] = car.point.T
+    columns["T_behind"] = car.tension_behind
+    columns["T_ahead"] = car.tension_ahead
+    columns["speed"] = np.hypot(*car.velocity.T)
     if car.shoe_force.any():
-        path["F_shoe"] = car.shoe_force
+        columns["F_shoe"] = car.shoe_force
     if car.turning is not None:
-        path["pitch" if car.turning.wheels else "swing"] = np.degrees(car.turning.angle)
-        path |= {f"wheel_{x.name.rpartition('.')[2]}": x.load for x in car.turning.wheels}
-    return path
+        columns["pitch" if car.turning.wheels else "swing"] = np.degrees(car.turning.angle)
+        for wheel in car.turning.wheels:
+            columns[f"wheel_{wheel.name.rpartition('.')[2]}"] = wheel.load
+    return columns
 
 
 def _expected_columns_of_contact(contact: Any) -> dict[str, Array]:
     """Columns (n,) of contacts.csv."""
-    columns = {
-        "s": contact.s, "tension": tension_at_contact(contact), "pressure": np.hypot(*contact.pressure.T),
-        "rise": contact.rise,
-    }  # fmt: skip
+    columns = {"s": contact.s, "rise": contact.rise}
+    columns["tension"] = tension_behind_or_ahead(contact)
+    columns["pressure"] = np.hypot(*contact.pressure.T)
     return {f"{contact.name}.{name}": values for name, values in columns.items()}
 
 
@@ -369,6 +424,7 @@ class _LineFiles:
 
     def __init__(self, folder: Path, motion: Any, period: float) -> None:
         self.line = LineTables((folder / "scene.toml").read_text(encoding="utf-8"))
+        self.profiles = obstacle_and_ground_profiles(self.line.data)
         self.motion = motion
         self.period = period
         self.paths = {car.name: read_csv_columns(folder / f"path-{car.name}.csv") for car in motion.cars}
@@ -395,78 +451,74 @@ class _LineFiles:
         kind, _, of = number["quantity"].partition(":")
         name, _, word = kind.rpartition("_")
         if name == "clearance":
-            return [float(min(np.min(values) for values in self._clearances_of_body_over_obstacle(kind, of)))]
+            return [self._min_clearance(kind, of)]
         if name == "safety_factor":
-            tensions = _averaged_if_force("tension", self._columns_by_quantity["tension"], self.t, self.period)
-            values = self.line.data["cable"]["breaking_load"] / tensions
+            values = self.line.data["cable"]["breaking_load"] / self._averaged_series("tension")
         else:
-            columns = self._columns_by_quantity[f"{name}:{of}" if of else name]
-            values = _averaged_if_force(name, columns, self.t, self.period)
+            values = self._averaged_series(f"{name}:{of}" if of else name)
         if name in ("grip", "contact") and "drive" not in self.line.cars[of]:
-            values = _averaged_if_force(name, values, self.t, self.period)  # a car that grips rings: means of means
+            values = self._moving_means(values)  # a car that grips rings: means of means
         now = self.t == self.t[np.argmin(np.abs(self.t - number["t"]))]
         pick = np.max if word == "max" else np.min
         return [float(pick(values)), float(pick(values[:, now]))]
 
-    def _clearances_of_body_over_obstacle(self, kind: str, body_over_obstacle: str) -> list[Array]:
-        """Columns (n,) of heights over an obstacle or the ground.
+    def _averaged_series(self, quantity: str) -> Array:
+        """Series (k, n) of a quantity, forces averaged over the period; of a load the length of its vector (1, n)."""
+        kind = quantity.partition(":")[0]
+        values = np.array(self._columns_by_quantity[quantity])
+        if kind.startswith(("tension", "haul", "grip", "contact", "load", "wheel", "stress")):
+            values = self._moving_means(values)
+        return np.hypot(*values)[None] if kind == "load" else values
 
-        Of a car; of kind clearance_rope: of the rope and of the points of all cars.
-        """
-        scene = self.line.data
+    def _moving_means(self, rows: Array) -> Array:
+        return np.array([_moving_mean(self.t, values, self.period) for values in rows])
+
+    def _min_clearance(self, kind: str, body_over_obstacle: str) -> float:
+        """Smallest height [m] of a car over an obstacle or the ground; of kind clearance_rope of rope and cars."""
         body, _, over = body_over_obstacle.rpartition(" over ")
-        below = {car["name"]: car.get("below", 0.0) for car in scene["car"]}
-        heights = []
+        profile = self.profiles[over]
         if kind == "clearance_rope":
-            below = dict.fromkeys(below, 0.0)
-            heights = [_min_heights_of_rope(scene, self.motion, over)]
-        profile = _ground_or_obstacle_profile(scene, over)
-        for car in below:
-            if body in ("", car):
-                heights.append(_heights_of_car(profile, self.paths[car]) - below[car])
-        return heights
+            at_cars = [min_height_over(profile, path["x"], path["y"]) for path in self.paths.values()]
+            return min(_min_height_of_rope(profile, self.motion), *at_cars)
+        path = self.paths[body]
+        return min_height_over(profile, path["x"], path["y"]) - self.line.cars[body].get("below", 0.0)
 
     @cached_property
     def _columns_by_quantity(self) -> dict[str, list[Array]]:
         """Columns by quantity; of a load its two components."""
-        contacts = self.motion.contacts
-        out = {"tension": [self.contacts[f"{x.name}.tension"] for x in contacts]}
-        for name, path in self.paths.items():
-            out["tension"] += [path["T_behind"], path["T_ahead"]]
-            out |= {f"{kind}:{name}": [path[column]] for kind, column in COLUMN_OF_QUANTITY.items() if column in path}
-            out |= {f"wheel:{name}.{x}": [path[f"wheel_{x}"]] for x in ("rear", "front") if f"wheel_{x}" in path}
-            out |= {f"{kind}:{name}": values for kind, values in self._rope_stresses_at_wheels(name, path).items()}
-        out |= {f"grip:{car.name}": [car.grip_force] for car in self.motion.cars}
-        for x in contacts:
-            s = self.contacts[f"{x.name}.s"]
-            out |= {f"rise:{x.name}": [self.contacts[f"{x.name}.rise"]], f"flow:{x.name}": [s - s[0]]}
-            out[f"load:{x.name}"] = list(x.pressure.T)
-        return out
+        columns: dict[str, list[Array]] = {"tension": []}
+        for contact in self.motion.contacts:
+            name = contact.name
+            s = self.contacts[f"{name}.s"]
+            columns["tension"].append(self.contacts[f"{name}.tension"])
+            columns[f"rise:{name}"] = [self.contacts[f"{name}.rise"]]
+            columns[f"flow:{name}"] = [s - s[0]]
+            columns[f"load:{name}"] = list(contact.pressure.T)
+        for car in self.motion.cars:
+            path = self.paths[car.name]
+            columns["tension"] += [path["T_behind"], path["T_ahead"]]
+            columns[f"grip:{car.name}"] = [car.grip_force]
+            for kind, column in COLUMN_OF_QUANTITY.items():
+                if column in path:
+                    columns[f"{kind}:{car.name}"] = [path[column]]
+            for side in ("rear", "front"):
+                if f"wheel_{side}" in path:
+                    columns[f"wheel:{car.name}.{side}"] = [path[f"wheel_{side}"]]
+            for kind, stresses in self._rope_stresses_at_wheels(car.name, path).items():
+                columns[f"{kind}:{car.name}"] = stresses
+        return columns
 
     def _rope_stresses_at_wheels(self, car_name: str, path: dict[str, Array]) -> dict[str, list[Array]]:
         """Of the rope behind the rear and ahead of the front wheels of a car, by kind."""
         wheels = self.line.cars[car_name].get("wheels", {})
-        out: dict[str, list[Array]] = {}
+        stresses: dict[str, list[Array]] = {}
         if not wheels:
-            return out
+            return stresses
         for side, N in (("rear", path["T_behind"]), ("front", path["T_ahead"])):
             Q = path.get(f"wheel_{side}", 0.5 * path["F_contact"]) * 2.0 / wheels.get("count", 2)
             for kind, values in rope_stresses_at_wheel(self.line.data["cable"], wheels, N, Q).items():
-                out.setdefault(kind, []).append(values)
-        return out
-
-
-# kinds of design numbers, and their columns of a car's file
-COLUMN_OF_QUANTITY = {
-    "haul": "F_haul", "contact": "F_contact", "speed": "speed", "depth": "y", "swing": "swing", "pitch": "pitch",
-}  # fmt: skip
-
-
-def _averaged_if_force(kind: str, values: Any, t: Array, period: float) -> Array:
-    """Series (k, n) of a kind; those of forces averaged over a period, "load" as the length of its vector."""
-    if kind.startswith(("tension", "haul", "grip", "contact", "load", "wheel", "stress")):
-        values = [_moving_mean(t, v, period) for v in values]
-    return np.array([np.hypot(*values)] if kind == "load" else values)
+                stresses.setdefault(kind, []).append(values)
+        return stresses
 
 
 def _wheel_loads_by_hand(line: LineTables, car: Any, motion: Any) -> dict[str, Array]:
@@ -482,31 +534,10 @@ def _wheel_loads_by_hand(line: LineTables, car: Any, motion: Any) -> dict[str, A
     return {"wheel_rear": rope.load - front, "wheel_front": front}
 
 
-def _ground_or_obstacle_profile(scene: dict[str, Any], name: str) -> Array:
-    """x and depth (2, n) [m] of an obstacle or the ground."""
-    if name == "the ground":
-        return np.array(scene["ground"], float).T
-    return np.array([[o["at"], o["top"]] for o in scene["obstacle"] if o["name"] == name]).T
-
-
-def _heights_of_car(ground: Array, table: dict[str, Array]) -> Array:
-    """Heights of a car's wheels over rows x and depth of a ground, along its path and at each corner; inf beyond."""
-    x, depth = ground
-    path = np.stack([table["x"], table["y"]])  # (2, n)
-    begin = path[:, :-1, None]
-    step = np.diff(path)[:, :, None]
-    upright = step[0] == 0.0
-    w = np.where(upright, -1.0, (x - begin[0]) / np.where(upright, 1.0, step[0]))  # (n - 1, corners)
-    at_corners = (depth - begin[1] - w * step[1])[(w >= 0.0) & (w <= 1.0)]
-    inside = (path[0] >= x[0]) & (path[0] <= x[-1])
-    along = np.interp(path[0], x, depth)[inside] - path[1, inside]
-    return np.concatenate([at_corners, along, [np.inf]])
-
-
-def _min_heights_of_rope(scene: dict[str, Any], motion: Any, over: str) -> Array:
-    """Least height (n,) of the rope, straight between stations, cars and contacts."""
-    x, depth = _ground_or_obstacle_profile(scene, over)
-    lowest = np.empty(motion.t.size)
+def _min_height_of_rope(profile: Array, motion: Any) -> float:
+    """Smallest height [m] over a profile (m, 2) of the rope, straight between stations, cars and contacts."""
+    x, depth = profile.T
+    heights = []
     for i in range(motion.t.size):
         known = np.isfinite(motion.tension[i])
         stations = np.column_stack([motion.s[known], motion.points[i, known]])  # rows s, x, y
@@ -516,8 +547,8 @@ def _min_heights_of_rope(scene: dict[str, Any], motion: Any, over: str) -> Array
         inside = (at >= x[0]) & (at <= x[-1])
         at_corners = depth - np.interp(x, at, y)
         at_vertices = np.interp(at[inside], x, depth) - y[inside]
-        lowest[i] = np.concatenate([at_corners, at_vertices]).min()
-    return lowest
+        heights += [at_corners.min(), at_vertices.min(initial=math.inf)]
+    return float(min(heights))
 
 
 def _column_faults(

@@ -21,7 +21,7 @@ from cablefem.scene.line import Line, LineRope
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.clearances import obstacle_and_ground_profiles
 from validation.core.ladder import Ladder, max_distance
-from validation.core.motion_laws import contacts_cars_and_rear_wheels, every_nth_step
+from validation.core.motion_laws import every_nth_step, relative_energy_defect, rope_chain, tension_behind_or_ahead
 from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel
 
 ANGLES = ("swing", "pitch")
@@ -131,14 +131,9 @@ def distances(a: Array, b: Array) -> Array:
     return difference if difference.ndim == 1 else np.linalg.norm(difference, axis=1)
 
 
-def contact_tension(contact: ContactMotion) -> Array:
-    """Tension (n,) [N]; at a saddle, where both sides are alike, that behind."""
-    return np.where(np.isnan(contact.tension_behind), contact.tension_ahead, contact.tension_behind)
-
-
 def largest_tension_at_start(motion: LineMotion) -> float:
     """At the contacts [N]."""
-    return max(float(contact_tension(contact)[0]) for contact in motion.contacts)
+    return max(float(tension_behind_or_ahead(contact)[0]) for contact in motion.contacts)
 
 
 class LineComparison:
@@ -240,7 +235,7 @@ class LineComparison:
         def of(value: Callable[[ContactMotion], Array]) -> Series:
             return lambda moved: value(find_contact(moved, name))
 
-        yield self._series_row("tension", name, of(contact_tension), self.tension, passes=1)
+        yield self._series_row("tension", name, of(tension_behind_or_ahead), self.tension, passes=1)
         yield self._series_row("pressure", name, of(lambda x: x.pressure), self.tension, passes=1)
         if contact.kind in ("saddle", "counterweight"):
             yield self._series_row("flow", name, of(lambda x: x.s), self.path)
@@ -314,22 +309,8 @@ def relative_unbalanced_work(moved: LineRun, every: int = 1) -> Array:
     """Energy less work since the start (n,), over all work done;  every : of the steps, every n-th is taken."""
     motion = moved.motion
     steps = every_nth_step(motion.t, every)
-    t = motion.t[steps]
     powers = [power[steps] for power in motion.powers.values()]
-    gained = motion.energy[steps] - motion.energy[steps[0]]
-    work = cumulative_integral(t, sum(powers, np.zeros(t.size)))
-    return (gained - work) / total_absolute_work(t, powers)
-
-
-def cumulative_integral(t: Array, values: Array) -> Array:
-    """Integrals (n,) from the first time."""
-    means = 0.5 * (values[1:] + values[:-1])
-    return np.append(0.0, np.cumsum(means * np.diff(t)))
-
-
-def total_absolute_work(t: Array, powers: Sequence[Array]) -> float:
-    """Sum [J] of the integrals of |power| of all powers (n,); 1 if that is zero."""
-    return sum(float(cumulative_integral(t, np.abs(power))[-1]) for power in powers) or 1.0
+    return relative_energy_defect(motion.t[steps], motion.energy[steps], powers)
 
 
 def with_every_second_station(moved: LineRun) -> LineRun:
@@ -378,7 +359,7 @@ def extremes_with_times(moved: LineRun, line: Line) -> dict[str, Extreme]:
         if np.isfinite(values).all():
             kind, _, of = name.partition(":")
             out |= {f"{kind}_{word}:{of}": _extreme_and_time(motion.t, values, word) for word in words}
-    tensions = [contact_tension(contact) for contact in motion.contacts]
+    tensions = [tension_behind_or_ahead(contact) for contact in motion.contacts]
     for car in motion.cars:
         tensions += [car.tension_behind, car.tension_ahead]
     tensions = [moved.mean_over_axial_round_trip(T) for T in tensions]
@@ -468,7 +449,7 @@ def clearance_series(motion: LineMotion, line: Line) -> dict[str, tuple[Array, A
     """Times [s] and free heights [m] of rope and cars over obstacles and ground, by quantity, where they pass."""
     beneath = obstacle_and_ground_profiles(line)
     below = {car.name: car.below for car in line.car}
-    rope = rope_points(motion) if beneath else np.empty((motion.t.size, 0, 2))
+    rope = rope_chain(motion).points if beneath else np.empty((motion.t.size, 0, 2))
     out = {}
     for name, ground in beneath.items():
         x, depth = ground.T
@@ -501,21 +482,8 @@ def _times_and_points_above(t: Array, path: Array, x: Array) -> tuple[Array, Arr
 
 
 def rope_depths(points: Array, x: Array) -> Array:
-    """Depths (n, k) [m] at x (k,) [m] of the rope through the points (n, m, 2) of `rope_points`."""
+    """Depths (n, k) [m] at x (k,) [m] of the rope through points (n, m, 2)."""
     return np.array([np.interp(x, *at_one_time.T) for at_one_time in points])
-
-
-def rope_points(motion: LineMotion) -> Array:
-    """The rope as points (n, m, 2) [m]: stations, cars and contacts from left to right."""
-    bodies = contacts_cars_and_rear_wheels(motion)
-    first = motion.contacts[0]
-    here = ~np.isnan(motion.tension)  # (n, stations)
-    s = np.where(here, motion.s, first.s[:, None])
-    points = np.where(here[..., None], motion.points, first.point[:, None])
-    s = np.concatenate([s, np.array([body.s for body in bodies]).T], axis=1)
-    points = np.concatenate([points, np.stack([body.point for body in bodies], axis=1)], axis=1)
-    order = np.argsort(s, axis=1, kind="stable")
-    return np.take_along_axis(points, order[..., None], axis=1)
 
 
 def bars_of_hand_wheel_loads(line: Line, moved: LineRun, numbers: dict[str, Extreme]) -> dict[str, float]:

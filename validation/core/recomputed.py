@@ -28,8 +28,9 @@ from validation.core.scene_data import (
     ROUNDING,
     SceneData,
     is_within,
-    max_depth_at,
     means_around_times,
+    min_height_over,
+    obstacle_and_ground_profiles,
     rope_stresses_at_wheel,
 )
 
@@ -97,13 +98,7 @@ class RecomputedNumbers:
         self.signals = _signals_by_kind(r, self.data)
         self.time_span = time_span_for_extremes(r, counterpart)
         self.until = last_time_valid_in_all(r, counterpart or r)
-        # obstacles and ground: points (n, 2), x and depth [m]
-        scene = self.data.scene
-        self.profiles = {}
-        for obstacle in scene.get("obstacle", []):
-            self.profiles[obstacle["name"]] = np.array([[obstacle["at"], obstacle["top"]]], float)
-        if scene.get("ground"):
-            self.profiles["the ground"] = np.array(scene["ground"], float)
+        self.profiles = obstacle_and_ground_profiles(self.data.scene)
 
     def _signals_of_kind(self, kind: str) -> Signals | None:
         return self.signals.get(kind) or self.signals.get(kind.removesuffix("_max").removesuffix("_min"))
@@ -148,14 +143,14 @@ class RecomputedNumbers:
         r = self.r
         f = r.fields
         steps = r.t <= self.until
-        heights = [_min_height_over(profile, r.x[steps], r.y[steps])]
+        heights = [min_height_over(profile, r.x[steps], r.y[steps])]
         rest_curve = CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
         points = rest_curve(f.s_o) + np.stack([f.mass_u, f.mass_v], axis=1)  # (k, 2)
         for k in [] if of_car else np.flatnonzero(f.t <= self.until):
             x = np.append(f.x + f.u[k], points[k, 0])
             y = np.append(f.y + f.v[k], points[k, 1])
             order = np.argsort(x)
-            heights.append(_min_height_over(profile, x[order], y[order]))
+            heights.append(min_height_over(profile, x[order], y[order]))
         below = self.data.scene["mass"].get("below", 0.0) if of_car else 0.0
         return min(heights) - below if math.isfinite(min(heights)) else None
 
@@ -171,14 +166,6 @@ def _max_sag_of_car_at_rest(r: Response, data: SceneData) -> float:
     k = int(np.clip(np.nanargmax(sag), 1, s_o.size - 2))
     a, b, c = np.polyfit(x[k - 1 : k + 2], sag[k - 1 : k + 2], 2)
     return float(c - b * b / (4.0 * a))
-
-
-def _min_height_over(profile: Array, x: Array, y: Array) -> float:
-    """Smallest height of a polyline (n,) over a profile (m, 2); inf where it is never above it."""
-    over = (x >= profile[0, 0]) & (x <= profile[-1, 0])
-    at_vertices = np.interp(x[over], profile[:, 0], profile[:, 1]) - y[over]
-    at_points = profile[:, 1] - max_depth_at(profile[:, 0], x, y)
-    return float(min(at_vertices.min(initial=math.inf), at_points.min()))
 
 
 def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:

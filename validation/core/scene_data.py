@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # relative, of static splines and of times in different runs
+GROUND = "the ground"  # its name beside those of obstacles
 
 PREFIXES = {"": 1.0, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
 FACTORS = {("km/h", "m/s"): 1.0 / 3.6, ("%", ""): 0.01, ("°", "deg"): 1.0}
@@ -84,6 +85,35 @@ def max_depth_at(at: Array, x: Array, y: Array) -> Array:
         w = (x_j - x[i]) / (x[i + 1] - x[i])
         depths[j] = np.max(y[i] + w * (y[i + 1] - y[i]), initial=-math.inf)
     return depths
+
+
+def min_height_over(profile: Array, x: Array, y: Array) -> float:
+    """Smallest height [m] of a polyline (n,) over a profile (m, 2) of x and depth; inf where it is never above it."""
+    over = (x >= profile[0, 0]) & (x <= profile[-1, 0])
+    at_vertices = np.interp(x[over], profile[:, 0], profile[:, 1]) - y[over]
+    at_points = profile[:, 1] - max_depth_at(profile[:, 0], x, y)
+    return float(min(at_vertices.min(initial=math.inf), at_points.min()))
+
+
+def obstacle_and_ground_profiles(scene: dict[str, Any]) -> dict[str, Array]:
+    """Points (n, 2) of x and depth [m] of a TOML's obstacles, each one point, and of its ground, by name."""
+    profiles = {o["name"]: np.array([[o["at"], o["top"]]], float) for o in scene.get("obstacle", [])}
+    if scene.get("ground"):
+        profiles[GROUND] = np.array(scene["ground"], float)
+    return profiles
+
+
+def thrust_times_and_forces(drive: dict[str, Any]) -> tuple[Array, Array]:
+    """Times [s] and forces [N] of a TOML's thrust; a constant one never ends."""
+    thrust = drive.get("thrust", 0.0)
+    if not isinstance(thrust, dict):
+        thrust = {"times": [0.0, math.inf], "forces": [thrust, thrust]}
+    return np.array(thrust["times"], float), np.array(thrust["forces"], float)
+
+
+def air_drag_factor(drive: dict[str, Any]) -> float:
+    """rho_air c_D A/2 [N s^2/m^2] of a car, by its TOML."""
+    return float(0.5 * drive.get("air_density", 1.2) * drive.get("drag_area", 0.0))
 
 
 class LineData:

@@ -27,10 +27,8 @@ from validation.core.answers import STATIONS, Outcome
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import (
     LineRun,
-    contact_tension,
     design_with_bars,
     rope_depths,
-    rope_points,
     turning_and_wheel_load_series,
 )
 from validation.core.readback import (
@@ -463,13 +461,13 @@ class MotionAnswers(LineAnswers):
         values = [self.t]
         for x in self.contacts:
             header += [f"{x.name}.{name}" for name in ("s", "tension", "pressure", "rise")]
-            values += [x.s, contact_tension(x), np.hypot(*x.pressure.T), x.rise]
+            values += [x.s, motion_laws.tension_behind_or_ahead(x), np.hypot(*x.pressure.T), x.rise]
         write_csv(folder / "contacts.csv", ",".join(header), np.stack(values, axis=1))
 
     def _write_profile(self, folder: Path) -> None:
         """Write profile.csv: over x the empty rope, and the extremes of depth over all time."""
         x = np.linspace(0.0, self.line.contact[-1].at[0], STATIONS)
-        depths = rope_depths(rope_points(self.motion), x)  # (n, STATIONS)
+        depths = rope_depths(motion_laws.rope_chain(self.motion).points, x)  # (n, STATIONS)
         rest = catenary_line.depth_and_tension(self.empty, x)[0]
         profile = np.stack([x, rest, depths.min(axis=0), depths.max(axis=0)], axis=1)
         write_csv(folder / "profile.csv", "x,y_rest,y_highest,y_lowest", profile)
