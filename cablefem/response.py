@@ -293,7 +293,7 @@ class Response(MassPath):
     @property
     def cars(self) -> tuple[CarMotion, ...]:
         """The car, as on a line of several contacts."""
-        return (views.single_car_history(self),)
+        return (views.single_car_motion(self),)
 
     @property
     def contacts(self) -> tuple[ContactMotion, ...]:

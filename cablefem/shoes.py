@@ -62,7 +62,7 @@ def line_snapshot(
     names = [c.name for c in line.contacts_and_wheels]
     at, rates = (dict(zip(names, values, strict=True)) for values in s[:2].tolist())
     by_name = dict(zip(names, points.swapaxes(0, 1), strict=True))
-    at |= {car.name: at[car.rail.saddle] for car in line.over if car.rail is not None}
+    at |= {car.name: at[car.rail.saddle] for car in line.cars_off_rope if car.rail is not None}
     return LineSnapshot(at, rates, by_name | points_off_rope, rope)
 
 
@@ -70,7 +70,9 @@ def possible_passages(line: MovingLine) -> tuple[Passage, ...]:
     """All that may come next."""
     by_name = {c.name: c for c in line.supports}
     out = [passage for k in range(len(line.contacts)) for passage in _passages_of_contact(line, k, by_name)]
-    out += [Passage(car.name, "takes the rope behind", by_name[car.rail.saddle]) for car in line.over if car.rail]
+    out += [
+        Passage(car.name, "takes the rope behind", by_name[car.rail.saddle]) for car in line.cars_off_rope if car.rail
+    ]
     return tuple(out)
 
 
@@ -98,7 +100,7 @@ def line_and_snapshot_after_passage(
     line: MovingLine, passage: Passage, t: float, phase: int, snapshot: LineSnapshot
 ) -> tuple[MovingLine, LineSnapshot]:
     """The line after a passage, and the snapshot with the point of the rope that the car takes, if it does."""
-    car = next(c for c in (*line.cars, *line.over) if c.name == passage.car)
+    car = next(c for c in (*line.cars_on_rope, *line.cars_off_rope) if c.name == passage.car)
     match passage.action:
         case "lands on the shoe of":
             return _line_after_landing(line, car, passage.saddle, t, snapshot), snapshot
@@ -124,7 +126,7 @@ def _side_of_saddle(car: Car, saddle: Contact, snapshot: LineSnapshot) -> float:
 
 def _line_after_landing(line: MovingLine, car: Car, saddle: Contact, t: float, snapshot: LineSnapshot) -> MovingLine:
     """The line with the car on a rail, from its path on the rope to the slope of the rope beside it."""
-    if any(c.rail is not None and c.rail.saddle == saddle.name for c in (*line.cars, *line.over)):
+    if any(c.rail is not None and c.rail.saddle == saddle.name for c in (*line.cars_on_rope, *line.cars_off_rope)):
         raise StepFailure(t, f"two cars on the shoe of {saddle.name}", "let one follow later")
     (x, y), velocity, acceleration = snapshot.points[car.name].tolist()
     slope = velocity[1] / velocity[0]
@@ -145,7 +147,7 @@ def _line_after_rope_left(line: MovingLine, car: Car, saddle: Contact, snapshot:
     begin = RailEnd(x, y, velocity[1] / velocity[0])
     rail = Rail(saddle.name, begin, end, snapshot.s[car.name] - snapshot.s[saddle.name], stretch)
     contacts = tuple(contact for contact in line.contacts if contact is not car)
-    return replace(line, contacts=contacts, over=(*line.over, replace(car, rail=rail)))
+    return replace(line, contacts=contacts, cars_off_rope=(*line.cars_off_rope, replace(car, rail=rail)))
 
 
 def _line_after_rope_taken(line: MovingLine, car: Car, saddle: Contact, t: float, snapshot: LineSnapshot) -> MovingLine:
@@ -156,8 +158,8 @@ def _line_after_rope_taken(line: MovingLine, car: Car, saddle: Contact, t: float
     rail = Rail(saddle.name, RailEnd(x, y, r_y / r_x), _rail_end_on_load_path(line, car, saddle, side, t, snapshot))
     contacts = list(line.contacts)
     contacts.insert(contacts.index(saddle) + (side > 0.0), replace(car, rail=rail))
-    over = tuple(c for c in line.over if c is not car)
-    return replace(line, contacts=tuple(contacts), over=over)
+    off_rope = tuple(c for c in line.cars_off_rope if c is not car)
+    return replace(line, contacts=tuple(contacts), cars_off_rope=off_rope)
 
 
 def _straight_rail_end(saddle: Contact, side: float, tangent: Array) -> RailEnd:
@@ -172,7 +174,7 @@ def _snapshot_with_rope_point_below(
     line: MovingLine, car: Car, t: float, phase: int, snapshot: LineSnapshot
 ) -> LineSnapshot:
     """The snapshot with s and the point of the rope below a car off the rope, with their rates."""
-    position, speed, _ = line.position_with_rates(car, t, phase)
+    position, speed, _ = line.prescribed_position_with_rates(car, t, phase)
     if car.along == "s":
         s, ds = position, speed
         r, along, w = snapshot.rope(s)
@@ -257,7 +259,7 @@ def off_rope_motion_and_powers(
     powers = {f"{name} {cause}": power for cause, power in off_rope.powers.items()}
     grips = car.drive.mode == "grip"
     if grips:
-        s, ds, _ = np.array([line.position_with_rates(car, x.t, x.phase) for x in states]).T
+        s, ds, _ = np.array([line.prescribed_position_with_rates(car, x.t, x.phase) for x in states]).T
         stretch = car.rail.stretch
         powers[f"{name} grip"] = stretch * along * ds
     else:
@@ -281,8 +283,8 @@ def contacts_with_shoe_forces(
     line: MovingLine, cars: tuple[CarMotion, ...], contacts: tuple[ContactMotion, ...]
 ) -> tuple[ContactMotion, ...]:  # fmt: skip
     """The contacts with what cars put on their shoes."""
-    rails = {car.name: car.rail for car in (*line.cars, *line.over)}
-    off = [car.name for car in line.over]
+    rails = {car.name: car.rail for car in (*line.cars_on_rope, *line.cars_off_rope)}
+    off = [car.name for car in line.cars_off_rope]
     for car in cars:
         rail = rails[car.name]
         if rail is not None:

@@ -65,7 +65,7 @@ def _displacements_and_tension_at_time(r: Response, t: float, s_o: float) -> tup
     return np.stack(w), (1.0 - weight) * f.T[i] + weight * f.T[i + 1]
 
 
-def single_car_history(r: Response) -> CarMotion:
+def single_car_motion(r: Response) -> CarMotion:
     """The car of a run of one span; its speed along the rope is that of its point over the stretch."""
     stretch = 0.5 * (np.linalg.norm(r.slope_behind, axis=1) + np.linalg.norm(r.slope_ahead, axis=1))
     tangent = r.slope_behind + r.slope_ahead

@@ -110,7 +110,7 @@ class GalerkinSystem(System):
     def balance_times(self, t0: Array, t1: Array, end_weight: float, phase: int) -> Array:
         if self.motion is None:
             return super().balance_times(t0, t1, end_weight, phase)
-        return self.motion.balance_times(t0, t1, end_weight, phase)
+        return self.motion.times_of_mean_positions(t0, t1, end_weight, phase)
 
     def mass_kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history, (3, n)."""

@@ -70,7 +70,7 @@ def _tension_scale(line: MovingLine) -> float:
     if weights:
         return weights[0]
     weight_of_rope = line.weight_per_length * float(chord_lengths(line).sum())
-    return 4.0 * (weight_of_rope + sum(line.gravity * car.mass for car in line.cars))
+    return 4.0 * (weight_of_rope + sum(line.gravity * car.mass for car in line.cars_on_rope))
 
 
 class RestSearch:

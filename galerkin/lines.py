@@ -62,7 +62,7 @@ class LineSines(System):
         self.held_equations = LineEquations(self.layout, held)
         self.n_dof = self.equations.size
         weight_of_rope = line.weight_per_length * float(chord_lengths(line).sum())
-        self.force_scale = max((line.gravity * car.mass for car in line.cars), default=weight_of_rope)
+        self.force_scale = max((line.gravity * car.mass for car in line.cars_on_rope), default=weight_of_rope)
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA
         self.frictions = [Friction() for _ in bodies]
         self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
@@ -83,7 +83,7 @@ class LineSines(System):
         rows = {int(coordinate): row for row, coordinate in enumerate(self.equations.free)}
         return {
             car.name: CarOffRope(self.line, car, self.layout, names.index(car.rail.saddle), rows)
-            for car in self.line.over
+            for car in self.line.cars_off_rope
             if car.rail is not None
         }
 
@@ -106,7 +106,7 @@ class LineSines(System):
             car, front = body.car, self.travel_contact[k]
             if car.travel is not None:
                 at = layout.x if car.drive_kind == "haul_x" else layout.s
-                Z[:, at[front]] = line.position_with_rates(car, t, phase)
+                Z[:, at[front]] = line.prescribed_position_with_rates(car, t, phase)
             else:
                 Z[0, layout.s[front]] = car.drive.start
                 Z[2, layout.F[k]] = line.thrust(car, t, phase)

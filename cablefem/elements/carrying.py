@@ -16,7 +16,7 @@ from cablefem.shoes import LineSnapshot, Passage, line_and_snapshot_after_passag
 def system_after_passage(system: LineElements, passage: Passage, x: State) -> tuple[LineElements, State]:
     """The line after a passage, and its state: r interpolated, velocities by least squares."""
     old = system.coordinates_from_unknowns(*x)
-    over = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.over}
+    over = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.cars_off_rope}
     line, snapshot = line_and_snapshot_after_passage(
         system.line, passage, x.t, x.phase, _line_snapshot_of(system, old, over)
     )
@@ -62,7 +62,7 @@ def _copy_body_coordinates(old: LineElements, before: Coordinates, new: LineElem
 
 def _body_slots_by_car(system: LineElements) -> dict[str, Array]:
     """Slots of swing and of X and th, by car."""
-    cars = system.line.cars
+    cars = system.line.cars_on_rope
     swings = {cars[i].name: np.array([slot]) for i, slot in zip(system.of_swing, system.swing, strict=True)}
     swings |= {name: np.array([slot]) for name, slot in system.swing_off_rope.items()}
     return swings | {trolley.car.name: trolley.body for trolley in system.trolleys}
@@ -70,8 +70,8 @@ def _body_slots_by_car(system: LineElements) -> dict[str, Array]:
 
 def _reorder_by_car(old: LineElements, new: LineElements, values: Array) -> Array:
     """Values of the old line's cars in the order of the new one's; 0 for others."""
-    by_name = {car.name: value for car, value in zip(old.line.cars, values.tolist(), strict=True)}
-    return np.array([by_name.get(car.name, 0.0) for car in new.line.cars])
+    by_name = {car.name: value for car, value in zip(old.line.cars_on_rope, values.tolist(), strict=True)}
+    return np.array([by_name.get(car.name, 0.0) for car in new.line.cars_on_rope])
 
 
 def _fit_segment(old: LineElements, before: Coordinates, new: LineElements, z: Coordinates, k: int) -> None:

@@ -50,14 +50,14 @@ class LineBalance(LineCoordinates):
         springs = [(k, c) for k, c in outer if c.stiffness is not None]
         self._springs = [(2 * int(self.node[k]) + np.arange(2), np.array(c.stiffness), c) for k, c in springs]
         self._weights = [(int(self.s[k]), k) for k, c in outer if c.force is not None]
-        weights = [car.mass * line.gravity for car in line.cars]
+        weights = [car.mass * line.gravity for car in line.cars_on_rope]
         self.force_scale = min(weights, default=line.weight_per_length * line.supports[-1].point[0])
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
         self._set_initial_car_loads_and_masses()
 
     def _set_initial_car_loads_and_masses(self) -> None:
         """Set masses, drag, friction and cabins, which stay, and the first signs, brakes and hold."""
-        cars = self.line.cars
+        cars = self.line.cars_on_rope
         self._masses = np.array([c.mass for c in cars])
         # a shoe has no friction
         air = [(c.drive.k, c.drive.wind, c.drive.mu_r if c.rail is None else 0.0) for c in cars]
@@ -201,7 +201,7 @@ class LineBalance(LineCoordinates):
         """At the time or at times t (n,); thrust and hold are (n, cars) then, if a car rolls freely."""
         if self._steady is not None:
             return self._steady
-        cars, line = self.line.cars, self.line
+        cars, line = self.line.cars_on_rope, self.line
         thrust = released = np.zeros(len(cars))
         if self._rolls:
             times = np.ravel(t).tolist()

@@ -57,7 +57,7 @@ class LineCoordinates(System):
         self.cars = [k for k, c in touching if isinstance(c, Car) or (isinstance(c, Wheel) and c.front)]
         self.supports = [k for k, c in touching if isinstance(c, Contact)]
         self.s = 2 * self.n + np.arange(self.node.size)  # slots of s
-        hauled = [k for k, car in zip(self.cars, self.line.cars, strict=True) if car.drive.mode == "haul"]
+        hauled = [k for k, car in zip(self.cars, self.line.cars_on_rope, strict=True) if car.drive.mode == "haul"]
         self.force = self.s[-1] + 1 + np.arange(len(hauled))  # slots of F/M
         self.of_force = np.searchsorted(self.cars, hauled)  # their numbers among the cars
 
@@ -70,7 +70,7 @@ class LineCoordinates(System):
 
     def _number_body_slots(self, first: int) -> None:
         """Give cabins and cars on two wheels their slots, from `first` on."""
-        cars = list(enumerate(self.line.cars))
+        cars = list(enumerate(self.line.cars_on_rope))
         self.of_swing = [i for i, car in cars if car.hanger is not None]
         self.swing = first + np.arange(len(self.of_swing))  # slots of phi
         first += len(self.of_swing)
@@ -86,19 +86,19 @@ class LineCoordinates(System):
 
     def _set_rails_and_cars_off_rope(self) -> None:
         line = self.line
-        rails = zip(self.node[self.cars].tolist(), line.cars, strict=True)
+        rails = zip(self.node[self.cars].tolist(), line.cars_on_rope, strict=True)
         self.rails = [(2 * node, car.rail) for node, car in rails if car.rail is not None]  # slots of x
         saddles = {line.contacts_and_wheels[k].name: int(self.s[k]) for k in self.supports}  # slots of s
         self.off_rope = {
             car.name: CarOffRope(line, car, saddles[car.rail.saddle], self.swing_off_rope.get(car.name))
-            for car in line.over
+            for car in line.cars_off_rope
             if car.rail is not None
         }
 
     def travel_slot(self, k: int) -> int:
         """Slot that the travel of the car at contact k prescribes."""
         i = self.cars.index(k)
-        if self.line.cars[i].drive_kind != "haul_x":
+        if self.line.cars_on_rope[i].drive_kind != "haul_x":
             return int(self.s[k])
         return next((int(x.body[0]) for x in self.trolleys if x.i == i), 2 * int(self.node[k]))
 
@@ -115,7 +115,7 @@ class LineCoordinates(System):
                 self.free[point] = False
             elif contact.rail is not None:
                 self.free[point[1]] = False
-        for k, car in zip(self.cars, self.line.cars, strict=True):
+        for k, car in zip(self.cars, self.line.cars_on_rope, strict=True):
             if car.travel is not None:
                 self.free[self.travel_slot(k)] = False
                 self.prescribed.append((car, self.travel_slot(k)))
@@ -141,7 +141,7 @@ class LineCoordinates(System):
             out = np.zeros((3, self.size))
             out[0] = self.constant
             for car, slot in self.prescribed:
-                out[:, slot] = self.line.position_with_rates(car, t, phase)
+                out[:, slot] = self.line.prescribed_position_with_rates(car, t, phase)
             self._prescribed_cache[t, phase] = out
         return self._prescribed_cache[t, phase]
 

@@ -82,7 +82,7 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
     p = x.points
     kinetic = x.integral_over_rope(0.5 * system.segments.rho * dot(p.w, p.w))
     potential = -x.integral_over_rope(system.segments.q * p.y)
-    for car, motion in zip((*system.line.cars, *system.line.over), cars, strict=True):
+    for car, motion in zip((*system.line.cars_on_rope, *system.line.cars_off_rope), cars, strict=True):
         kinetic = kinetic + _car_kinetic_energy(car, motion)
         potential = potential - car.mass * system.line.gravity * motion.point[:, 1]
         if motion.turning is not None:
@@ -164,7 +164,7 @@ def _car_motions_and_powers(x: _History) -> tuple[tuple[CarMotion, ...], dict[st
     trolleys = {trolley.i: trolley for trolley in system.trolleys}
     motions = []
     powers: dict[str, Array] = {}
-    for i, car in enumerate(system.line.cars):
+    for i, car in enumerate(system.line.cars_on_rope):
         if i in trolleys:
             motion, of_car = _trolley_motion_and_powers(x, trolleys[i], cars, rows[:, i])
         else:
@@ -191,7 +191,7 @@ def _point_car_motion_and_powers(
     x: _History, i: int, cars: CarLoadsAndMasses, inputs: Array, on: ForcesOnCars, row: Array
 ) -> tuple[CarMotion, dict[str, Array]]:
     """Motion of car i, which stands on one contact, and its powers; inputs (n, INPUTS), and its row of s (n,)."""
-    k, car = x.system.cars[i], x.system.line.cars[i]
+    k, car = x.system.cars[i], x.system.line.cars_on_rope[i]
     slot = x.system.s[k]
     ds, velocity = x.v[:, slot], inputs[:, 4:6]
     grips, hauled = car.drive_kind == "grip", car.drive.mode == "haul"
@@ -310,7 +310,7 @@ def _car_loads_and_masses_over_time(x: _History, s: Array, ds: Array) -> CarLoad
     system = x.system
     each = [system.car_loads_and_masses(t, phase) for t, phase in zip(x.t.tolist(), x.phase, strict=True)]
     changing: dict[str, Any] = {name: np.array([getattr(y, name) for y in each]) for name in ("thrust", "hold")}
-    drives = [car.drive for car in system.line.cars]
+    drives = [car.drive for car in system.line.cars_on_rope]
     before_jump = np.append(np.diff(x.t) <= 0.0, False)
     s = s - 1e-9 * before_jump[:, None]  # of two states at a brake the first is short of it
     brakes = [drive.brake_force(s[:, i]) + 0.0 * ds[:, i] for i, drive in enumerate(drives)]

@@ -32,9 +32,9 @@ def coordinates_at_rest(
     free = system.free.copy()
     q = prescribed.q + ahead * prescribed.v
     for i, k in enumerate(system.cars):
-        if system.line.cars[i].drive_kind == "free":
+        if system.line.cars_on_rope[i].drive_kind == "free":
             free[system.s[k]] = False
-            q[system.s[k]] = system.line.cars[i].drive.start
+            q[system.s[k]] = system.line.cars_on_rope[i].drive.start
     if start is not None:
         q[free] = start[free]
         return _solve_rest_by_newton(system, t, phase, q, free, None, EXACT)
@@ -57,7 +57,7 @@ def coordinates_with_forces_and_zero_rates(system: LineBalance, q: Array) -> Coo
 def car_loads_and_masses_at_rest(system: LineBalance, t: float, phase: int) -> CarLoadsAndMasses:
     """Cars at rest; hauled ones are about to move."""
     cars = system.car_loads_and_masses(t, phase)
-    hauled = np.array([car.travel is not None for car in system.line.cars])
+    hauled = np.array([car.travel is not None for car in system.line.cars_on_rope])
     none = np.zeros(hauled.size)
     return cars._replace(
         drag=none, thrust=none, brake=none, rear_brake=none, hold=none, friction=cars.friction * hauled
@@ -198,7 +198,7 @@ def _guess_contact_x(system: LineBalance, q: Array) -> Array:
     if line.supports[0].kind == "counterweight":
         begin = (line.rope.length or 0.0) - along[-1]
     x = np.array([c.point[0] if isinstance(c, Contact) else 0.0 for c in line.contacts_and_wheels])
-    for k, car in zip(system.cars, line.cars, strict=True):
+    for k, car in zip(system.cars, line.cars_on_rope, strict=True):
         if car.drive_kind == "haul_x":
             x[k] = q[system.travel_slot(k)]
         else:

@@ -42,19 +42,19 @@ class LineElements(LineBalance):
         line, contacts = self.line, self.line.contacts_and_wheels
         self.passages = possible_passages(line)
         self._gaps = [k for k in range(len(contacts) - 1) if self._may_meet(contacts[k], contacts[k + 1])]
-        free = [(i, car.drive) for i, car in enumerate(line.cars) if car.drive_kind == "free"]
+        free = [(i, car.drive) for i, car in enumerate(line.cars_on_rope) if car.drive_kind == "free"]
         self._stops = [i for i, drive in free if drive.has_friction_or_brakes]
-        self._brakes = [(i, position) for i in self._stops for position, _ in line.cars[i].drive.brakes]
+        self._brakes = [(i, position) for i in self._stops for position, _ in line.cars_on_rope[i].drive.brakes]
         # number of the car of each wheel or point that may lift off
-        self._pressing = [i for i, car in enumerate(line.cars) for _ in range(1 if car.wheels is None else 2)]
+        self._pressing = [i for i, car in enumerate(line.cars_on_rope) for _ in range(1 if car.wheels is None else 2)]
 
     def _event_names(self) -> list[str]:
         """In the order of `event_values`."""
         line, contacts = self.line, self.line.contacts_and_wheels
-        stopping = [line.cars[i].name for i in self._stops]
+        stopping = [line.cars_on_rope[i].name for i in self._stops]
         names = [meeting_event_name(contacts[k], contacts[k + 1]) for k in self._gaps]
         names += [f"{name} stops" for name in stopping]
-        names += [f"{line.cars[i].name} brakes" for i, _ in self._brakes]
+        names += [f"{line.cars_on_rope[i].name} brakes" for i, _ in self._brakes]
         names += [lift_off_event_name(c) for c in contacts if not isinstance(c, Contact)]
         names += ["rope falls slack"]
         names += [f"rope lifts off {c.name}" for c in line.supports[1:-1]]
@@ -102,7 +102,7 @@ class LineElements(LineBalance):
     def set_travel_directions(self, phase: int) -> None:
         """Set the directions of prescribed cars."""
         self._steady = None
-        for i, car in enumerate(self.line.cars):
+        for i, car in enumerate(self.line.cars_on_rope):
             if car.travel:
                 self.signs[i] = self.line.travel_direction(car, phase)
 
@@ -113,7 +113,7 @@ class LineElements(LineBalance):
         inputs = self.slopes_and_motion_at_cars(x, self.segment_motion(x))
         stretch = forces_on_cars(held, inputs).stretch
         self.hold = self.balance_rows(t, x, phase, RopeAndCars(self.law, held))[slots] / stretch
-        for i, car in enumerate(self.line.cars):
+        for i, car in enumerate(self.line.cars_on_rope):
             if car.drive_kind == "free":
                 self._set_brakes(i, x.q[slots[i]])
         now = self.car_loads_and_masses(t, phase)
@@ -124,8 +124,8 @@ class LineElements(LineBalance):
         free = now._replace(hold=none, brake=none, friction=none)
         needed = self.balance_rows(t, x, phase, RopeAndCars(self.law, free))[slots] / stretch
         projection = vector_length(inputs[:, 0:2] + inputs[:, 2:4]) / (2.0 * stretch)  # |<r'>|/<lam>
-        needed -= now.thrust * np.cos([car.drive.thrust_angle for car in self.line.cars]) / projection
-        for i, car in enumerate(self.line.cars):
+        needed -= now.thrust * np.cos([car.drive.thrust_angle for car in self.line.cars_on_rope]) / projection
+        for i, car in enumerate(self.line.cars_on_rope):
             if car.drive_kind != "free":
                 continue
             self.signs[i] = -np.sign(needed[i]) or 1.0
@@ -159,7 +159,7 @@ class LineElements(LineBalance):
 
     def _set_brakes(self, i: int, s: float) -> None:
         """Set the brakes of car i at s."""
-        drive = self.line.cars[i].drive
+        drive = self.line.cars_on_rope[i].drive
         self.brakes[i], self.rear_brakes[i] = drive.brake_force(s), drive.rear_brake_force(s)
 
     def _stop_or_slip_on(self, i: int, x: State) -> State:
@@ -220,7 +220,7 @@ class LineElements(LineBalance):
     def car_point_and_rates(self, car: str, x: State) -> Array:
         """Point of a car with its rates (3, 2)."""
         z = np.array(self.coordinates_from_unknowns(*x))
-        for k, of in zip(self.cars, self.line.cars, strict=True):
+        for k, of in zip(self.cars, self.line.cars_on_rope, strict=True):
             if of.name == car:
                 return z[:, 2 * self.node[k] + np.arange(2)]
         return self.off_rope[car].points_with_rates(np.array([x.t]), z[:, None], x.phase)[0]
@@ -233,7 +233,7 @@ class LineElements(LineBalance):
         for trolley in self.trolleys:
             y = trolley.force_inputs(x, rows[trolley.points.ravel()])
             each[trolley.i] = trolley.forces(cars, y).loads
-        for i, car in enumerate(self.line.cars):
+        for i, car in enumerate(self.line.cars_on_rope):
             if car.rail is not None:
                 each[i] = [np.inf]
         return [load for _, of_car in sorted(each.items()) for load in of_car]
@@ -246,7 +246,7 @@ class LineElements(LineBalance):
     def apply_event(self, name: str, x: State) -> State | None:
         """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
         for i in self._stops:
-            car = self.line.cars[i].name
+            car = self.line.cars_on_rope[i].name
             if name == f"{car} stops":
                 after = self._stop_or_slip_on(i, x)
                 return after if self._run_goes_on(x) else None
@@ -268,7 +268,7 @@ class LineElements(LineBalance):
 
     def _run_goes_on(self, x: State) -> bool:
         """Whether a free car rolls, or a force or a travel is still to change."""
-        rolling = any(car.drive_kind == "free" and not self._sticks(i) for i, car in enumerate(self.line.cars))
+        rolling = any(car.drive_kind == "free" and not self._sticks(i) for i, car in enumerate(self.line.cars_on_rope))
         return rolling or self.line.travel_or_force_changes_after(x.t, x.phase)
 
     def observe(self, states: Sequence[State], s: Array) -> LineMotion:

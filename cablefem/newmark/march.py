@@ -17,7 +17,7 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System
 
-# after an needs_damped_steps acceleration: steps per step of the grid, and their damped rule (Rannacher 1984)
+# where `System.needs_damped_steps`: steps per step of the grid, and their damped rule (Rannacher 1984)
 DAMPED_STEPS = 4
 DAMPED = Scheme("damped", 0.5, 1.0)
 MAX_HALVINGS = 6  # of a step

@@ -21,7 +21,7 @@ class Newton(NamedTuple):
     halvings: int = 5
     bound: float = 0.0  # `Stepper` sets it
 
-    def cannot_converge_in_time(self, norm: float, norm_before: float, iterations: int) -> bool:
+    def needs_too_many_iterations(self, norm: float, norm_before: float, iterations: int) -> bool:
         """Whether |r|, falling at its present rate, is above the bound after `enough` iterations."""
         if self.enough == math.inf or iterations <= self.patience:
             return False
@@ -45,10 +45,10 @@ class StepResult(NamedTuple):
 
 
 def find_root(
-    residual: Callable[[], Any], linearise: Callable[[], tuple[Any, Callable]], update: Callable[[Any], None],
+    residual: Callable[[], Any], linearise: Callable[[], tuple[Any, Callable]], subtract: Callable[[Any], None],
     newton: Newton, earlier_solve: Any = None,
 ) -> StepResult:  # fmt: skip
-    """Take corrections, `update(x)` subtracts x, until |residual()| <= newton.bound; NaN never converges.
+    """Take corrections, `subtract(x)` subtracts x, until |residual()| <= newton.bound; NaN never converges.
 
     earlier_solve : solution with the tangent of a step before, which is tried first.
     """
@@ -56,7 +56,7 @@ def find_root(
     before = 0.0
     iterations = factorisations = residuals = 0
     if earlier_solve is not None:
-        tried, converged = _correct_by_earlier_tangent(residual, earlier_solve, update, newton)
+        tried, converged = _correct_by_earlier_tangent(residual, earlier_solve, subtract, newton)
         if converged:
             return tried
         norm, iterations, _, residuals, _ = tried
@@ -68,11 +68,11 @@ def find_root(
             factorisations += 1
         before = norm
         norm_allowed = math.inf if iterations < newton.patience else before
-        r, norm, evaluations = _correct_with_halvings(residual, update, solve(r), norm_allowed, newton.halvings)
+        r, norm, evaluations = _correct_with_halvings(residual, subtract, solve(r), norm_allowed, newton.halvings)
         residuals += evaluations
         iterations += 1
         converged = norm <= newton.bound
-        if converged or not norm < math.inf or newton.cannot_converge_in_time(norm, before, iterations):
+        if converged or not norm < math.inf or newton.needs_too_many_iterations(norm, before, iterations):
             break
         new_tangent = norm > newton.reuse * before
     serves = norm <= newton.bound and norm <= FAST_ENOUGH * before
@@ -80,14 +80,14 @@ def find_root(
 
 
 def _correct_with_halvings(
-    residual: Callable[[], Any], update: Callable[[Any], None], correction: Any, norm_allowed: float, halvings: int
+    residual: Callable[[], Any], subtract: Callable[[Any], None], correction: Any, norm_allowed: float, halvings: int
 ) -> tuple[Any, float, int]:
     """Take a correction, halved until |r| < `norm_allowed`; return r, |r|, and how often it was evaluated."""
-    update(correction)
+    subtract(correction)
     for halving in range(halvings + 1):
         if halving:
             correction *= 0.5
-            update(-correction)
+            subtract(-correction)
         r = residual()
         norm = math.sqrt(r.dot(r))
         if norm < norm_allowed:
@@ -96,7 +96,7 @@ def _correct_with_halvings(
 
 
 def _correct_by_earlier_tangent(
-    residual: Callable[[], Any], solve: Callable[[Any], Any], update: Callable[[Any], None], newton: Newton
+    residual: Callable[[], Any], solve: Callable[[Any], Any], subtract: Callable[[Any], None], newton: Newton
 ) -> tuple[StepResult, bool]:
     """Corrections with the tangent of a step before while |r| falls to `reuse` or less; and whether they converged.
 
@@ -109,15 +109,15 @@ def _correct_by_earlier_tangent(
     while iterations < newton.max_iter:
         before = norm
         correction = solve(r)
-        update(correction)
+        subtract(correction)
         r = residual()
         norm = math.sqrt(r.dot(r))
         iterations += 1
         if norm <= newton.bound and norm <= FAST_ENOUGH * max(before, newton.bound):
-            update(solve(r))
+            subtract(solve(r))
             return StepResult(norm, iterations, 0, iterations + 1, norm <= FAST_ENOUGH * before), True
         if not norm < before:
-            update(-correction)
+            subtract(-correction)
         if not norm <= newton.reuse * before:
             break
     return StepResult(norm, iterations, 0, iterations + 1), False

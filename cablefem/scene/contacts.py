@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.scene.bodies import Hanger, Wheels
-from cablefem.scene.drive import GRIP, Drive
+from cablefem.scene.drive import GRIP, Drive, DriveMode
 from cablefem.scene.line import Solver, Station
 from cablefem.scene.rail import Rail
 
@@ -80,8 +80,8 @@ class Car:
     rail: Rail | None = None  # its path while it is on a shoe
 
     @property
-    def drive_kind(self) -> str:
-        """grip, haul, haul_x or free."""
+    def drive_kind(self) -> DriveMode | Literal["haul_x"]:
+        """How it is driven; haul_x: hauled with its travel in x."""
         return "haul_x" if self.along == "x" else self.drive.mode
 
     def station_at(self, x: float, gravity: float) -> Station:
@@ -124,7 +124,7 @@ class MovingLine:
     contacts: tuple[Contact | Car, ...]
     t_end: float  # [s]
     gravity: float = 9.81  # [m/s2]
-    over: tuple[Car, ...] = ()  # cars on rails over a saddle, off the rope
+    cars_off_rope: tuple[Car, ...] = ()  # on rails over a saddle
     solve: Solver | None = field(default=None, compare=False)  # of lines at rest, where cars run over shoes
 
     @property
@@ -133,8 +133,7 @@ class MovingLine:
         return self.rope.mass_per_length * self.gravity
 
     @cached_property
-    def cars(self) -> tuple[Car, ...]:
-        """Cars on the rope."""
+    def cars_on_rope(self) -> tuple[Car, ...]:
         return tuple(c for c in self.contacts if isinstance(c, Car))
 
     @cached_property
@@ -157,14 +156,14 @@ class MovingLine:
         """Consecutive [t0, t1] in which all travels and forces are smooth."""
         times = {
             t
-            for car in (*self.cars, *self.over)
+            for car in (*self.cars_on_rope, *self.cars_off_rope)
             for phase in _phases_of_car(car)
             for t in phase
             if 0.0 < t < self.t_end
         }
         return tuple(itertools.pairwise([0.0, *sorted(times), self.t_end]))
 
-    def position_with_rates(self, car: Car, t: float, phase: int) -> tuple[float, float, float]:
+    def prescribed_position_with_rates(self, car: Car, t: float, phase: int) -> tuple[float, float, float]:
         """Prescribed position, velocity and acceleration of a car in a phase of the line."""
         assert car.travel is not None
         i = self._car_phase_numbers[car.name][phase]
@@ -173,22 +172,22 @@ class MovingLine:
         end = car.travel.phases[-1][1]
         return car.travel.position_with_rates(end, len(car.travel.phases) - 1)[0], 0.0, 0.0
 
-    def point_with_rates_off_rope(self, car: Car, t: float, phase: int, rope_flow: Array) -> Array:
-        """x and y with their rates (3, 2) of a car in `over`; rope_flow : s at the saddle with its rates (3,)."""
-        position = np.array(self.position_with_rates(car, t, phase))
+    def point_with_rates_off_rope(self, car: Car, t: float, phase: int, saddle_s_with_rates: Array) -> Array:
+        """x and y with their rates (3, 2) of a car in `cars_off_rope`; saddle_s_with_rates : (3,)."""
+        position = np.array(self.prescribed_position_with_rates(car, t, phase))
         assert car.rail is not None
-        x = position if car.along == "x" else car.rail.x_with_rates(position - rope_flow)
+        x = position if car.along == "x" else car.rail.x_with_rates(position - saddle_s_with_rates)
         return np.stack([x, car.rail.y_with_rates(x)], axis=1)
 
     def travel_or_force_changes_after(self, t: float, phase: int) -> bool:
         """Whether a travel or a force is still to change."""
-        ends = [car.travel.phases[-1][1] for car in (*self.cars, *self.over) if car.travel is not None]
+        ends = [car.travel.phases[-1][1] for car in (*self.cars_on_rope, *self.cars_off_rope) if car.travel is not None]
         return phase < len(self.phases) - 1 or t < max(ends, default=0.0)
 
     @property
     def swinging_cars_off_rope(self) -> list[Car]:
         """Cars off the rope with a cabin that swings."""
-        return [car for car in self.over if car.hanger is not None]
+        return [car for car in self.cars_off_rope if car.hanger is not None]
 
     def travel_direction(self, car: Car, phase: int) -> float:
         """1 or -1: the direction of a prescribed travel in a phase.
@@ -199,7 +198,9 @@ class MovingLine:
         earlier = range(phase - 1, -1, -1)
         for i in (*later, *earlier):
             t0, t1 = self.phases[i]
-            moved = self.position_with_rates(car, t1, i)[0] - self.position_with_rates(car, t0, i)[0]
+            moved = (
+                self.prescribed_position_with_rates(car, t1, i)[0] - self.prescribed_position_with_rates(car, t0, i)[0]
+            )
             if moved:
                 return math.copysign(1.0, moved)
         return 1.0
@@ -216,7 +217,7 @@ class MovingLine:
         middles = [0.5 * (t0 + t1) for t0, t1 in self.phases]
         return {
             car.name: [sum(t1 < t for _, t1 in _phases_of_car(car)) for t in middles]
-            for car in (*self.cars, *self.over)
+            for car in (*self.cars_on_rope, *self.cars_off_rope)
         }
 
 

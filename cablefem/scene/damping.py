@@ -57,7 +57,7 @@ def own_and_wind_damping_rates(
     return own, wind.drag_per_length_and_velocity(cable.diameter_with_ice) * gravity / catenary.weight
 
 
-def overdamping_fault(catenary: Catenary, cable: Cable, wind: Wind | None, gravity: float) -> str:
+def damping_fault(catenary: Catenary, cable: Cable, wind: Wind | None, gravity: float) -> str:
     """Text if the damping exceeds the critical one of the first mode, or the diameter is missing; else empty."""
     if wind is not None and cable.diameter is None:
         return "cable.diameter: missing; must be given with wind.across, which acts on it"

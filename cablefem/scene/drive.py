@@ -46,6 +46,9 @@ UNUSED_KEYS = {  # why other keys have no meaning
 }
 
 
+DriveMode = Literal["grip", "haul", "free"]
+
+
 class Thrust(Part):
     """Force along the mean tangent, linear between its times, else zero."""
 
@@ -85,7 +88,7 @@ class End(Part):
         return exactly_one_faults(("time", "place"), written_values)
 
 
-def drive_keys_of_mode(mode: str) -> tuple[str, ...]:
+def drive_keys_of_mode(mode: DriveMode) -> tuple[str, ...]:
     """Names of the table [drive] with a meaning in a mode."""
     if mode == "grip":
         return ("mode",)
@@ -96,7 +99,7 @@ def drive_keys_of_mode(mode: str) -> tuple[str, ...]:
 class Driving(Part):
     """The table [drive]."""
 
-    mode: Literal["grip", "haul", "free"] = described_field("[-] grip, haul or free: what moves the car", "grip")
+    mode: DriveMode = described_field("[-] grip, haul or free: what moves the car", "grip")
     start: Positive | None = described_field("[m] position of the car at the start; default 1 % of the length", None)
     release: NonNegative = described_field("[s] over which the force that holds a free car goes", 0.0)
     rolling_friction: Annotated[float, number_between(0.0, 1.0)] = described_field(
@@ -223,7 +226,7 @@ class RollingCarState(NamedTuple):
 class Drive:
     """The same over l, H and l sqrt(rho/H)."""
 
-    mode: str = "grip"
+    mode: DriveMode = "grip"
     start: float = 0.0
     release: float = 0.0
     mu_r: float = 0.0  # rolling friction

@@ -133,7 +133,7 @@ class Part(BaseModel):
 
     @field_validator("*")
     @classmethod
-    def _record_value(cls, value: Any, info: Info) -> Any:
+    def _record_valid_value(cls, value: Any, info: Info) -> Any:
         info.context[info.field_name] = value  # type: ignore[index]
         return value
 

@@ -104,7 +104,7 @@ def _keys_of_kinds(tables: list[dict[str, Any]], definitions: dict[str, Any], na
             yield key
 
 
-def key_hint(key: str, part: type[Part]) -> str:
+def similar_keys_text(key: str, part: type[Part]) -> str:
     """The keys of a part whose last name, or whose table, is `key`, as a sentence; "" if there are none."""
     names = list(dict.fromkeys(x.name for x in list_keys(part)))
     inside = [name for name in names if name.startswith(f"{key}.")]

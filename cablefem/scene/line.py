@@ -20,7 +20,7 @@ from cablefem.scene.bisection import bisect_zero
 from cablefem.scene.bodies import Hanger, Wheels, body_faults, missing_wire_faults
 from cablefem.scene.cable import STEEPEST, Rope
 from cablefem.scene.described import LINES, Described
-from cablefem.scene.drive import Driving
+from cablefem.scene.drive import DriveMode, Driving
 from cablefem.scene.errors import NOT_MODELLED, SceneError, did_you_mean, short_text
 from cablefem.scene.fields import (
     Admits,
@@ -124,7 +124,7 @@ class Car(Part):
         return self.at or ()
 
     @property
-    def mode(self) -> str:
+    def mode(self) -> DriveMode:
         return "grip" if self.drive is None else self.drive.mode
 
     def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:

@@ -48,13 +48,13 @@ class Motion:
 
     def positions_with_rates(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
         """Of many instants, as `position_with_rates`: rows s_o, ds_o, dds_o, (3, n)."""
-        first, last = self._first_and_last_pieces[:, phase]
+        first, last = self._piece_range_by_phase[:, phase]
         piece = np.minimum(np.maximum(self._piece_index(t), first), last)
         out = np.array(self._piece_columns(piece)(t))
         out[0, t == self.phases[-1][1]] = self.end
         return out
 
-    def balance_times(self, t0: np.ndarray, t1: np.ndarray, end_weight: float, phase: int) -> np.ndarray:
+    def times_of_mean_positions(self, t0: np.ndarray, t1: np.ndarray, end_weight: float, phase: int) -> np.ndarray:
         """Times (n,) of the mean position end_weight s_o(t1) + (1 - end_weight) s_o(t0): a step is balanced there."""
         first = self.positions_with_rates(t0, phase)[0]
         last = self.positions_with_rates(t1, phase)[0]
@@ -104,7 +104,7 @@ class Motion:
         return high
 
     @cached_property
-    def _first_and_last_pieces(self) -> np.ndarray:
+    def _piece_range_by_phase(self) -> np.ndarray:
         """First and last piece of each phase (2, n)."""
         counts = np.array([len(pieces) for pieces in self.pieces])
         return np.stack([np.cumsum(counts) - counts, np.cumsum(counts) - 1])
@@ -137,7 +137,7 @@ class Motion:
         return max(speed for _, speed in self.speeds_where_extreme)
 
     @property
-    def standstills(self) -> list[tuple[float, float]]:
+    def standstill_phases(self) -> list[tuple[float, float]]:
         """Phases [t0, t1] at rest."""
         at_rest = [all(p.c1 == p.c2 == p.c3 == 0.0 for p in pieces) for pieces in self.pieces]
         return list(itertools.compress(self.phases, at_rest))

@@ -29,7 +29,7 @@ class EmptyLine:
         """x [m] of a position of a car, about."""
         return position if car.along == "x" else float(np.interp(position, self.s, self.x))
 
-    def end_position(self, car: Car) -> float:
+    def right_end_position(self, car: Car) -> float:
         """Position [m] of the right end, in what the travel of a car prescribes."""
         return float((self.x if car.along == "x" else self.s)[-1])
 
@@ -41,7 +41,7 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     """
     state = line.solve_empty_line(solve)
     thermal_stretch = 1.0 + line.cable.thermal_strain
-    _raise_if_any([*_travel_faults(line.car), *_car_weight_faults(line, state)])
+    _raise_if_any([*_timetable_and_drive_faults(line.car), *_too_heavy_car_faults(line, state)])
     contacts = [
         Contact(name=c.name, kind=c.kind, point=c.at, stiffness=c.stiffness, force=c.tension, shoe=c.shoe)
         for c in line.contact
@@ -50,7 +50,7 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     cars = [_moving_car(car, len(contacts) > 2, thermal_stretch) for car in line.car]
     range_faults: list[str] = []
     for table, car in zip(line.car, cars, strict=True):
-        last = empty.end_position(car)
+        last = empty.right_end_position(car)
         range_faults += [*_travel_range_faults(table, car, last), *_brake_faults(car, last)]
     _raise_if_any(range_faults)
     positions = {c.name: c.point[0] for c in contacts} | {
@@ -64,7 +64,7 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
         contacts=tuple(sorted(everything, key=lambda c: positions[c.name])),
         t_end=max(map(_end_time, cars), default=0.0), gravity=line.gravity, solve=solve,
     )  # fmt: skip
-    ends_and_wheels = [*_moving_end_faults(moving_line), *_wheel_off_rope_faults(moving_line)]
+    ends_and_wheels = [*_ends_in_motion_faults(moving_line), *_rear_wheel_start_faults(moving_line)]
     _raise_if_any([*ends_and_wheels, *_meeting_faults(moving_line, passing, empty)])
     weights: list[str] = []
     for car in cars:
@@ -88,7 +88,7 @@ def _rope_at_temperature(line: Line, length: float, thermal_stretch: float) -> E
     return Elastic(mass_per_length=mass, EA=rope.EA, length=length if fixed else None)
 
 
-def _car_weight_faults(line: Line, empty: LineState) -> list[str]:
+def _too_heavy_car_faults(line: Line, empty: LineState) -> list[str]:
     """Cars heavier than the smallest tension of the empty line."""
     tensions = np.nanmin(empty.station_tensions, axis=1)
     lowest = int(np.nanargmin(tensions))
@@ -183,9 +183,9 @@ def _too_heavy_for_shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> I
             return
 
 
-def _moving_end_faults(line: MovingLine) -> Iterator[str]:
+def _ends_in_motion_faults(line: MovingLine) -> Iterator[str]:
     """Cars whose timetable ends in motion, before that of another car."""
-    for car in line.cars:
+    for car in line.cars_on_rope:
         if car.travel is None:
             continue
         end = car.travel.phases[-1][1]
@@ -195,13 +195,13 @@ def _moving_end_faults(line: MovingLine) -> Iterator[str]:
             yield f"car.{car.name}.travel: {speed:.6g} m/s at its end, {end:.6g} s; {must}"
 
 
-def _wheel_off_rope_faults(line: MovingLine) -> Iterator[str]:
+def _rear_wheel_start_faults(line: MovingLine) -> Iterator[str]:
     """Cars that begin with a wheel on the platform, where the left end of the rope is fixed."""
     if line.supports[0].kind == "counterweight":
         return
     nearest_wheel = 0.002  # of the length: from the left support to a rear wheel at the start
     nearest = max(NEAREST, nearest_wheel * (line.rope.length or 0.0))
-    for car in line.cars:
+    for car in line.cars_on_rope:
         if car.wheels is None or car.along == "x":
             continue
         smallest = nearest + car.wheels.base
@@ -212,7 +212,7 @@ def _wheel_off_rope_faults(line: MovingLine) -> Iterator[str]:
 
 def _meeting_faults(line: MovingLine, passing: Mapping[str, Sequence[Contact]], empty: EmptyLine) -> Iterator[str]:
     """The first fault of each two cars whose timetables meet, or that are on one shoe."""
-    for a, b in itertools.combinations(line.cars, 2):
+    for a, b in itertools.combinations(line.cars_on_rope, 2):
         if a.travel is not None and b.travel is not None:
             shoes = [saddle for saddle in passing[a.name] if saddle in passing[b.name]]
             yield from itertools.islice(_faults_of_two_cars(line, a, b, shoes, empty), 1)
@@ -223,7 +223,7 @@ def _faults_of_two_cars(line: MovingLine, a: Car, b: Car, shoes: Sequence[Contac
     samples = 100  # of timetables, in each phase
     for phase, (t0, t1) in enumerate(line.phases):
         for t in np.linspace(t0, t1, samples).tolist():
-            first, second = (line.position_with_rates(car, t, phase)[0] for car in (a, b))
+            first, second = (line.prescribed_position_with_rates(car, t, phase)[0] for car in (a, b))
             x = empty.x_of_position(a, first), empty.x_of_position(b, second)
             distance = second - first if a.along == b.along else x[1] - x[0]
             fault = _too_close_fault(a, b, t, distance) or _same_shoe_fault(a, b, t, x, shoes)
@@ -282,7 +282,7 @@ def _motion_of_law(law: Law) -> Motion:
     return (motion.in_units(-1.0, 1.0) if end < begin else motion).shifted(begin)
 
 
-def _travel_faults(cars: Sequence[CarTable]) -> Iterator[str]:
+def _timetable_and_drive_faults(cars: Sequence[CarTable]) -> Iterator[str]:
     """What cars lack in motion, and faults of their timetables; one of each car."""
     for car in cars:
         law = car.travel

@@ -32,31 +32,41 @@ class Rail:
 
     def depth_with_derivatives(self, x: Any) -> tuple[Any, Any, Any]:
         """Y, Y' and Y'' at x."""
-        (x0, y0, m0, k0), (x1, y1, m1, k1) = self.begin, self.end
+        x0, y0, slope0, bend0 = self.begin
+        x1, y1, slope1, bend1 = self.end
         L = x1 - x0
-        c1, c2 = m0 * L, 0.5 * k0 * L**2
-        D, E, F = y1 - y0 - c1 - c2, m1 * L - c1 - 2.0 * c2, k1 * L**2 - 2.0 * c2
-        c3, c4, c5 = 10.0 * D - 4.0 * E + 0.5 * F, -15.0 * D + 7.0 * E - F, 6.0 * D - 3.0 * E + 0.5 * F
+        c1 = slope0 * L
+        c2 = 0.5 * bend0 * L**2
+        # what the quadratic part leaves at the end, of Y and its derivatives by u
+        D = y1 - y0 - c1 - c2
+        E = slope1 * L - c1 - 2.0 * c2
+        F = bend1 * L**2 - 2.0 * c2
+        c3 = 10.0 * D - 4.0 * E + 0.5 * F
+        c4 = -15.0 * D + 7.0 * E - F
+        c5 = 6.0 * D - 3.0 * E + 0.5 * F
         u = (x - x0) / L
         Y = y0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
         first = c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))
         second = 2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5))
         return Y, first / L, second / L**2
 
-    def y_with_rates(self, x: Any) -> Any:
+    def y_with_rates(self, x_with_rates: Any) -> Any:
         """y and its rates (3, ...) of a car at x with its rates (3, ...)."""
-        Y, slope, bend = self.depth_with_derivatives(x[0])
-        return np.array([Y, slope * x[1], slope * x[2] + bend * x[1] ** 2])
+        x, dx, ddx = x_with_rates
+        Y, slope, bend = self.depth_with_derivatives(x)
+        return np.array([Y, slope * dx, slope * ddx + bend * dx**2])
 
-    def x_with_rates(self, s_from_saddle: Any) -> Any:
+    def x_with_rates(self, s_from_saddle_with_rates: Any) -> Any:
         """x and its rates (3,) of a car off the rope that grips so far from the saddle, (3,) with its rates."""
-        s, ds, dds = s_from_saddle
+        s, ds, dds = s_from_saddle_with_rates
         way = self.stretch * (s - self.s)
         nodes, weights = np.polynomial.legendre.leggauss(12)
-        x = self.begin.x + way
+        begin = self.begin.x
+        x = begin + way
         for _ in range(20):  # from an arc length to its x
-            half = 0.5 * (x - self.begin.x)
-            arc = half * (weights @ np.hypot(1.0, self.depth_with_derivatives(self.begin.x + half * (1.0 + nodes))[1]))
+            half = 0.5 * (x - begin)
+            slopes = self.depth_with_derivatives(begin + half * (1.0 + nodes))[1]
+            arc = half * (weights @ np.hypot(1.0, slopes))
             x -= (arc - way) / np.hypot(1.0, self.depth_with_derivatives(x)[1])
         _, slope, bend = self.depth_with_derivatives(x)
         size = np.hypot(1.0, slope)

@@ -21,7 +21,7 @@ import numpy as np
 
 from cablefem.scene.bisection import bisect_zero
 from cablefem.scene.drive import Drive
-from cablefem.scene.statics import NoRest, Rest, gripped_rest, load_path_nodes
+from cablefem.scene.statics import NoRest, Rest, gripped_rest, load_path_positions
 
 if TYPE_CHECKING:
     from cablefem.scene.scene import Groups
@@ -67,15 +67,15 @@ class LoadPath:
     @classmethod
     def on_loaded_cable(cls, groups: Groups) -> LoadPath:
         """The elastic catenary of two pieces; groups: mu, alpha, sigma, c."""
-        r = gripped_rest(load_path_nodes(groups.sigma), groups)
-        path = cls(r.s, r.car_point, r.along, r.bend, r.hold, r.mean_stretch)
+        r = gripped_rest(load_path_positions(groups.sigma), groups)
+        path = cls(r.s, r.car_point, r.along, r.bend, r.hold, r.stretch_at_car)
         path.rest = r
         return path
 
     @classmethod
     def on_empty_cable(cls, groups: Groups) -> LoadPath:
         """The path along the empty cable's shape."""
-        s = load_path_nodes(groups.sigma)
+        s = load_path_positions(groups.sigma)
         _, xp, yp, xpp, ypp = groups.tension_and_shape_derivatives(s)
         points = np.stack(groups.coordinates(s), -1)
         hold = -groups.mu * groups.sigma * yp
@@ -84,7 +84,7 @@ class LoadPath:
     @classmethod
     def on_chord(cls, groups: Groups) -> LoadPath:
         """The path along the straight chord."""
-        s = load_path_nodes(groups.sigma)
+        s = load_path_positions(groups.sigma)
         slope = np.stack(groups.coordinates(1.0))
         slopes = np.tile(slope, (s.size, 1))
         hold = np.full_like(s, -groups.mu * groups.sigma * slope[1])
@@ -201,7 +201,7 @@ class QuasiStaticForces:
                     return bisect_zero(excess, a, b), k
         return None
 
-    def departure_directions(self) -> tuple[tuple[float, int], ...]:
+    def departure_directions_by_position(self) -> tuple[tuple[float, int], ...]:
         """`Drive.departure_directions` by the forces of the last phase."""
         last = len(self.drive.phases) - 1
         t = self.drive.phases[last][0]
@@ -388,14 +388,15 @@ def roll_ride(path: LoadPath, mu: float, sigma: float, drive: Drive, max_turns: 
     return _RideSolver(path, mu, sigma, drive, max_turns).roll_to_end()
 
 
-def quasi_static_ride_and_drive(groups: Groups, drive: Drive) -> tuple[Ride, Drive]:
+def ride_and_completed_drive(groups: Groups, drive: Drive) -> tuple[Ride, Drive]:
     """The ride on the loaded cable, and the drive with `nominal` and `end_time`.
 
     A swinging ride of open end is over at its second turn.
     """
     path = LoadPath.on_loaded_cable(groups)
     drive = replace(
-        drive, departure_directions=QuasiStaticForces(path, groups.mu, groups.sigma, drive).departure_directions()
+        drive,
+        departure_directions=QuasiStaticForces(path, groups.mu, groups.sigma, drive).departure_directions_by_position(),
     )
     ends = math.isfinite(drive.end_time)
     first = roll_ride(path, groups.mu, groups.sigma, drive, math.inf if ends else 2)

@@ -23,13 +23,13 @@ from cablefem.scene.cable import (
     stretch_fault,
 )
 from cablefem.scene.catenary import Catenary
-from cablefem.scene.damping import Wind, first_angular_frequency, overdamping_fault, own_and_wind_damping_rates
+from cablefem.scene.damping import Wind, damping_fault, first_angular_frequency, own_and_wind_damping_rates
 from cablefem.scene.described import LIBRARY, OF_ONE_SPAN, Described, library_text, parse_toml
-from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
+from cablefem.scene.drive import GRIP, NEAREST_START, Drive, DriveMode, Driving
 from cablefem.scene.errors import NOT_MODELLED, SceneError
 from cablefem.scene.fields import LARGE, NonNegative, Part, Positive, described_field
 from cablefem.scene.motion import Motion
-from cablefem.scene.ride import Ride, quasi_static_ride_and_drive
+from cablefem.scene.ride import Ride, ride_and_completed_drive
 from cablefem.scene.statics import NoRest
 from cablefem.scene.surroundings import Ground, Obstacles, obstacle_faults
 from cablefem.scene.travel import Table, Travel
@@ -116,7 +116,7 @@ class Scene(Described):
         """Faults of stretch, damping, travel and drive on a cable that hangs; "" where there is none."""
         faults = [
             stretch_fault(self.gravity, self.cable, self.supports),
-            overdamping_fault(*self._damping_arguments),
+            damping_fault(*self._damping_arguments),
         ]
         rolling = [f"drive.{fault}" for fault in drive.faults_on_cable(self.length)]
         if self.travel is not None and drive.mode != "free" and not rolling:
@@ -298,7 +298,7 @@ class Scene(Described):
         return 0.5 * self.damping / first_angular_frequency(self.catenary, self.cable.EA, self.gravity)
 
     @property
-    def crosswind_force(self) -> float:
+    def crosswind_force_per_length(self) -> float:
         """Mean force of the wind across the line on the cable [N/m]; 0 without."""
         return 0.0 if self.wind is None else self.wind.force_per_length(self.cable.diameter_with_ice)
 
@@ -307,7 +307,7 @@ class Scene(Described):
         """Tilt [deg] of the empty cable's plane by a steady crosswind, or None."""
         if self.wind is None:
             return None
-        return math.degrees(math.atan(self.crosswind_force / self.catenary.weight))
+        return math.degrees(math.atan(self.crosswind_force_per_length / self.catenary.weight))
 
     @property
     def wave_speed(self) -> float:
@@ -368,7 +368,7 @@ class Scene(Described):
         if self.drive.mode != "free":
             return None
         try:
-            return quasi_static_ride_and_drive(self._groups_with(None, GRIP), self._dimensionless_drive)
+            return ride_and_completed_drive(self._groups_with(None, GRIP), self._dimensionless_drive)
         except NoRest as error:
             raise SceneError([f"drive.mode = 'free': {error}"]) from None
 
@@ -423,7 +423,7 @@ class Scene(Described):
         return f"<pre>{html.escape(str(self))}</pre>"
 
 
-def _mass_or_travel_faults(mode: str, present: list[str]) -> list[str]:
+def _mass_or_travel_faults(mode: DriveMode, present: list[str]) -> list[str]:
     """Faults of tables [mass] and [travel] that a mode of drive lacks or does not take; present : those written."""
     if mode == "free":
         faults = [] if "mass" in present else ["mass: missing; must be given with drive.mode = 'free'"]

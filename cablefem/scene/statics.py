@@ -41,7 +41,7 @@ class Rest:
     haul: np.ndarray  # of the rope, along the mean tangent
 
     @property
-    def mean_stretch(self) -> np.ndarray:
+    def stretch_at_car(self) -> np.ndarray:
         """<lam> at the car, mean of both sides."""
         return 0.5 * (np.linalg.norm(self.slope_behind, axis=1) + np.linalg.norm(self.slope_ahead, axis=1))
 
@@ -52,7 +52,7 @@ def _panel_count(sigma: float) -> int:
     return math.ceil(sigma / panel)
 
 
-def load_path_nodes(sigma: float, nearest: float | None = None) -> np.ndarray:
+def load_path_positions(sigma: float, nearest: float | None = None) -> np.ndarray:
     """Positions s of a load path, uniform in log(s/(1 - s)), up to `nearest` of both supports."""
     nodes = NODES * _panel_count(sigma)
     if nearest is None:

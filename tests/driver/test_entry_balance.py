@@ -30,5 +30,5 @@ def test_the_place_between_two_instants_is_the_mean_of_their_places(scene):
     for begin, end in ((t0, 0.1 * t1), (0.3 * t1, 0.4 * t1)):
         t0 = np.linspace(begin, end, 5)[:-1]
         t1 = np.append(t0[1:], end)
-        s = [motion.positions_with_rates(t, 0)[0] for t in (t0, motion.balance_times(t0, t1, 0.3, 0), t1)]
+        s = [motion.positions_with_rates(t, 0)[0] for t in (t0, motion.times_of_mean_positions(t0, t1, 0.3, 0), t1)]
         assert s[1] == pytest.approx(0.7 * s[0] + 0.3 * s[2], rel=1e-8)

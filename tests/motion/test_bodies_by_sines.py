@@ -215,7 +215,7 @@ def test_both_wings_agree(scene):
     s = np.array([20.0, 200.0])
     one, other = run_and_observe(LineElements(scene), 60, s), run_and_observe(LineSines(scene, 12), 60, s)
     a, b = one.cars[0], other.cars[0]
-    T, weight = a.tension_ahead.max(), 9.81 * scene.cars[0].mass
+    T, weight = a.tension_ahead.max(), 9.81 * scene.cars_on_rope[0].mass
     np.testing.assert_allclose(one.points, other.points, atol=1e-3)
     np.testing.assert_allclose(a.turning.centre, b.turning.centre, atol=1e-3)
     np.testing.assert_allclose(a.turning.angle, b.turning.angle, atol=1e-3)

@@ -32,7 +32,7 @@ def test_energy_is_what_drives_and_weights_put_in(motion_of_everything):
 def test_momentum_jumps_at_each_car_by_its_force(motion_of_everything):
     """[N t - rho ds^2 r'] = M (p.. - g j) - F tau - drag, with N by the slopes."""
     rope = ALL.rope
-    for at, given in zip(motion_of_everything.cars, ALL.cars, strict=True):
+    for at, given in zip(motion_of_everything.cars, ALL.cars_on_rope, strict=True):
         sides = []
         for slope in (at.slope_behind, at.slope_ahead):
             lam = np.linalg.norm(slope, axis=1)

@@ -44,12 +44,12 @@ travel = {kind = "trapezoid", top_speed = 7.0, acceleration = 0.5, deceleration 
 def test_a_file_of_a_line_in_motion():
     found = line_in_motion(Line.from_toml(TEXT), solve)
     assert [c.name for c in found.contacts] == ["valley", "up", "tower", "down", "mountain"]
-    up, down = found.cars
+    up, down = found.cars_on_rope
     assert (up.drive_kind, down.drive_kind) == ("grip", "haul_x")
     assert down.drive.k == pytest.approx(0.5 * 1.2 * 12.0)
-    assert found.position_with_rates(down, 0.0, 0) == (1100.0, 0.0, -0.5)
-    assert found.position_with_rates(down, found.t_end, len(found.phases) - 1) == (760.0, 0.0, 0.0)
-    assert found.position_with_rates(up, found.t_end, len(found.phases) - 1)[0] == 640.0
+    assert found.prescribed_position_with_rates(down, 0.0, 0) == (1100.0, 0.0, -0.5)
+    assert found.prescribed_position_with_rates(down, found.t_end, len(found.phases) - 1) == (760.0, 0.0, 0.0)
+    assert found.prescribed_position_with_rates(up, found.t_end, len(found.phases) - 1)[0] == 640.0
     assert found.t_end == pytest.approx(580.0 / 7.0 + 14.0)
 
 
@@ -62,7 +62,7 @@ def test_two_wheels_and_a_cabin_from_a_file():
         "mass = 4500.0", f"mass = 5500.0\n{HANGER}"
     )
     found = line_in_motion(Line.from_toml(text), solve)
-    up, down = found.cars
+    up, down = found.cars_on_rope
     assert [x.name for x in found.contacts_and_wheels] == ["valley", "up.rear", "up.front", "tower", "down", "mountain"]
     assert (up.wheels.base, up.wheels.below, up.wheels.ahead) == (4.0, 3.0, 0.2)
     assert down.hanger.inertia == pytest.approx(5000.0 * 1.3**2)
@@ -126,7 +126,7 @@ class BackAndForth:
 
 def test_the_direction_of_a_car_is_that_of_its_next_motion_and_stays_after_the_last():
     found = line(ROPE, LEFT, car("car", 2000.0, BackAndForth(), "haul"), RIGHT, t_end=50.0)
-    assert [found.travel_direction(found.cars[0], i) for i in range(5)] == [-1.0, -1.0, 1.0, 1.0, 1.0]
+    assert [found.travel_direction(found.cars_on_rope[0], i) for i in range(5)] == [-1.0, -1.0, 1.0, 1.0, 1.0]
 
 
 SPAN = """

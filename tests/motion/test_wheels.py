@@ -46,8 +46,8 @@ def test_loads_of_wheels_on_a_taut_level_string(brakes, rear, front):
 @pytest.mark.parametrize(("front", "exact"), [(100.0, [20957.54, 54020.46]), (402.0, [16213.34, 55940.54])])
 def test_loads_by_hand_of_a_trolley_at_rest_are_two_percent_of_its_weight_off_and_say_so(front, exact):
     whole = tram_line(front - 2.0)
-    wheels = whole.cars[0].wheels
-    point = dataclasses.replace(whole.cars[0], wheels=None)
+    wheels = whole.cars_on_rope[0].wheels
+    point = dataclasses.replace(whole.cars_on_rope[0], wheels=None)
     system = LineElements(dataclasses.replace(whole, contacts=(whole.contacts[0], point, whole.contacts[2])))
     q = coordinates_at_rest(system, 0.0, 0)
     start = system.start(0, None)._replace(

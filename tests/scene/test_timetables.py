@@ -88,14 +88,14 @@ def test_an_emergency_stop_ends_after_its_braking_way_and_is_rested():
     assert made.arrival_time == pytest.approx(3.0 + 7.0, rel=1e-12)
     rested = scene_with_travel(LAWS["stop of a constant speed"] + "\nrest = 8.0")
     assert rested.arrival_time == pytest.approx(18.0, rel=1e-12)
-    assert rested.groups.motion.standstills == [rested.groups.motion.phases[-1]]
+    assert rested.groups.motion.standstill_phases == [rested.groups.motion.phases[-1]]
     assert Scene.from_toml(rested.to_toml()) == rested
 
 
 def test_equal_positions_are_a_standstill():
     table = "kind = 'table'\ntimes = [0, 5, 10, 15, 20, 30, 40, 50]\npositions = [0, 20, 45, 75, 100, 100, 150, 200]"
     m, _ = motion_in_si_and_scene(table)
-    (stands,) = m.standstills
+    (stands,) = m.standstill_phases
     np.testing.assert_allclose(stands, [20.0, 30.0], rtol=1e-12)
     t = np.linspace(*stands, 11)
     np.testing.assert_allclose(m.position(t), 100.0, rtol=1e-14)

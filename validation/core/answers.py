@@ -22,7 +22,7 @@ def crosswind_load_factor(scene: Scene) -> float | None:
     q, w : weight of the rope and mean force of the wind on it [N/m].
     """
     q = scene.catenary.weight
-    w = scene.crosswind_force
+    w = scene.crosswind_force_per_length
     return math.hypot(q, w) / q if w else None
 
 
@@ -31,7 +31,7 @@ def crosswind_text(scene: Scene, model: str) -> str:
     factor = crosswind_load_factor(scene)
     if factor is None or scene.wind is None:
         return ""
-    loads = f"with {scene.crosswind_force:.4g} N/m across and {scene.catenary.weight:.4g} N/m down"
+    loads = f"with {scene.crosswind_force_per_length:.4g} N/m across and {scene.catenary.weight:.4g} N/m down"
     holds = "nothing of it" if model == "quasi-static" else "only how it damps the rope"
     left_out = f"Its force on rope and car is left out: {loads} the rope's load is {factor:.3f} times its weight"
     return f"wind of {scene.wind.across:.4g} m/s across the line: the numbers hold {holds}. {left_out}"

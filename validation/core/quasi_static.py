@@ -21,7 +21,7 @@ import numpy as np
 from cablefem.response import Array, LazyValue, Observation, Response
 from cablefem.scene import Groups, Scene
 from cablefem.scene.catenary import coordinates, static_tension
-from cablefem.scene.statics import Rest, gripped_rest, hauled_rest, load_path_nodes
+from cablefem.scene.statics import Rest, gripped_rest, hauled_rest, load_path_positions
 from validation.core.sampling import OBSERVED, STATIONS, observation_in_si, path_fields_in_si, times_of_frames
 
 STEPS = 1001
@@ -116,7 +116,7 @@ def _haul_force(groups: Groups, r: Rest, velocity: Array, acceleration: Array) -
     weight = groups.mu * groups.sigma * tau[:, 0]  # across the tangent (n,)
     contact = weight + more[:, 0] * tau[:, 1] - more[:, 1] * tau[:, 0]
     added = np.abs(contact) - np.abs(weight)
-    friction = groups.drive.mu_r * added * size / (2.0 * r.mean_stretch)
+    friction = groups.drive.mu_r * added * size / (2.0 * r.stretch_at_car)
     return r.haul + (more * tau).sum(1) + friction
 
 
@@ -161,7 +161,7 @@ class Statics:
 
         self._groups = groups
         at_rest = hauled_rest if groups.drive.mode == "haul" else gripped_rest
-        r = rest or at_rest(load_path_nodes(groups.sigma, NEAREST if groups.drive.mode == "grip" else None), groups)
+        r = rest or at_rest(load_path_positions(groups.sigma, NEAREST if groups.drive.mode == "grip" else None), groups)
         force = r.hold + r.haul * (_unit_mean_tangent(r) * r.along).sum(1)  # that drives the car along s_o (n,)
         names = [name for name in Rest.__dataclass_fields__ if name != "s"]
         columns = {name: getattr(r, name).reshape(r.s.size, -1) for name in names}

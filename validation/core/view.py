@@ -37,7 +37,7 @@ class View:
         low, high = WINDOWS[scene.drive.mode]
         end = 1.0 if motion is None else motion.end
         return cls(
-            axis="time" if motion is None or motion.standstills else "place", window=(low, min(high, end)),
+            axis="time" if motion is None or motion.standstill_phases else "place", window=(low, min(high, end)),
             free=motion is None, reaches_end=motion is None or end < high,
             rolls=scene.drive.mode != "grip", length=scene.length, H=scene.horizontal_tension,
             top_speed=0.0 if motion is None else motion.top_speed * scene.length / scene.time_scale,

@@ -28,7 +28,7 @@ from cablefem.scene.line import Line
 def with_wheel_loads_by_hand(motion: LineMotion, line: Line, moving: MovingLine, states: Sequence[State]) -> LineMotion:
     """The motion with wheel loads of those point cars that have a wheel base."""
     cars = list(motion.cars)
-    for i, (table, car) in enumerate(zip(line.car, moving.cars, strict=True)):
+    for i, (table, car) in enumerate(zip(line.car, moving.cars_on_rope, strict=True)):
         wheels = table.wheels
         if wheels is not None and wheels.model == "point" and wheels.base:
             thrust = np.array([moving.thrust(car, x.t, x.phase) for x in states])

@@ -45,7 +45,7 @@ def rest_position(groups: Groups, low: float = 0.05, high: float = 0.95) -> floa
 def holding_force_by_car_balance(rest: Rest) -> float:
     """F_hold by the car's balance, <lam> tau.C/cos(phi); 1e-6 off."""
     mean = 0.5 * (rest.slope_behind[0] + rest.slope_ahead[0])
-    return float(mean @ rest.jump[0] * rest.mean_stretch[0] ** 2 / (mean @ mean))
+    return float(mean @ rest.jump[0] * rest.stretch_at_car[0] ** 2 / (mean @ mean))
 
 
 def _laws_of_held_car() -> list[Law]:

@@ -41,7 +41,7 @@ def advise_on_bodies(line: Line, tol: float, out: Path, report: Progress = no_pr
     rows: list[Row] = []
     periods: list[Row] = []
     short = 0.1  # period over the duration of a start or stop that a point follows
-    for table, car, a, b in zip(line.car, runs[0].line.cars, body.motion.cars, point.motion.cars, strict=True):
+    for table, car, a, b in zip(line.car, runs[0].line.cars_on_rope, body.motion.cars, point.motion.cars, strict=True):
         if a.turning is None:
             continue
         period = _pitch_or_swing_period(table, line.gravity, b)

@@ -71,7 +71,9 @@ SINES = LineMethod("sines", "terms", 3, 0.9, lambda line, n: LineSines(line, n))
 
 def shortest_time_on_rail(system: Any, state: State) -> float:
     """[s] that cars on rails need for them at their present speed, the shortest; 0 without."""
-    cars = [(car.rail, car.name) for car in (*system.line.cars, *system.line.over) if car.rail is not None]
+    cars = [
+        (car.rail, car.name) for car in (*system.line.cars_on_rope, *system.line.cars_off_rope) if car.rail is not None
+    ]
     times = [abs((rail.end.x - rail.begin.x) / system.car_point_and_rates(name, state)[1, 0]) for rail, name in cars]
     return float(min(times, default=0.0))
 
@@ -127,7 +129,7 @@ def events_without_rattling(
     Waves in an undamped rope rattle a car that friction holds by 1e-5 m, at times that do not converge.
     """
     rattling = set[int]()
-    for car in line.cars:
+    for car in line.cars_on_rope:
         rattling |= _rattling_events(events, car, motion)
     return tuple(event for i, event in enumerate(events) if i not in rattling)
 
@@ -229,7 +231,7 @@ class LineRuns:
         self.length = rope.length or float(np.ptp(empty.s)) * thermal_stretch
         self.period = 2.0 * self.length * math.sqrt(rope.mass_per_length / rope.EA)
         N = float(np.nanmax(empty.station_tensions))
-        wheels = [(car.wheels, car.mass) for car in self.line.cars if car.wheels is not None]
+        wheels = [(car.wheels, car.mass) for car in self.line.cars_on_rope if car.wheels is not None]
         pitches = [approximate_pitch_period(pair, mass, N) for pair, mass in wheels]
         # a car that pitches sends waves along the rope, which damp it: a rope too coarse for them lets it ring
         longest_span = float(np.diff(empty.s).max()) * thermal_stretch

@@ -36,7 +36,7 @@ def line_at_timetable_positions(line: Line) -> Line:
     positions = _timetable_positions_by_car(moving)
     thermal_stretch = 1.0 + line.cable.thermal_strain
     # s by car (n,)
-    s_by_car = {car.name: positions[car.name] / thermal_stretch for car in moving.cars if car.along == "s"}
+    s_by_car = {car.name: positions[car.name] / thermal_stretch for car in moving.cars_on_rope if car.along == "s"}
     empty = line.solve_empty_line(catenary_line.solve)
     x = positions | {name: np.interp(s, empty.s, empty.points[:, 0]) for name, s in s_by_car.items()}
     exact = 1e-6  # [m] from where a car is to where its timetable has it
@@ -55,12 +55,12 @@ def _timetable_positions_by_car(moving: MovingLine) -> dict[str, Array]:
     count = 81  # instants of the timetables
     t = np.linspace(0.0, moving.t_end, count)
     phases = np.minimum(np.searchsorted(ends, t), len(ends) - 1).tolist()
-    positions = np.empty((len(moving.cars), count))
-    for i, car in enumerate(moving.cars):
+    positions = np.empty((len(moving.cars_on_rope), count))
+    for i, car in enumerate(moving.cars_on_rope):
         for k, phase in enumerate(phases):
-            positions[i, k] = moving.position_with_rates(car, float(t[k]), phase)[0]
+            positions[i, k] = moving.prescribed_position_with_rates(car, float(t[k]), phase)[0]
     moves = np.append(True, np.any(np.diff(positions, axis=1) != 0.0, axis=0))
-    return dict(zip([car.name for car in moving.cars], positions[:, moves], strict=True))
+    return dict(zip([car.name for car in moving.cars_on_rope], positions[:, moves], strict=True))
 
 
 def _at_rest_with_cars_at(line: Line, x_by_car: dict[str, Array]) -> Line:
