@@ -59,3 +59,9 @@ def test_lines_at_rest_are_taken_too():
             cf.check(of, tol=7.0)
         with pytest.raises(ValueError, match="--tol-tension must lie in"):
             cf.check(of, tol_tension=-1.0)
+
+
+def test_scripts_of_0_3_0_find_arrival_and_place():
+    scene, line = cf.Scene.load("zipline"), cf.Line.load("two-span")
+    assert scene.arrival == scene.arrival_time > 0.0
+    assert line.place(line.car[0], 1) == line.position_of(line.car[0], 1) == line.car[0].at[1]
