@@ -19,8 +19,7 @@ import numpy as np
 from cablefem.scene.line import Case, LineNotConverged, LineState, NoLineAtRest, Station
 from cablefem.scene.taut import first_guess
 
-# of Newton's method; smallest damping factor
-STEPS = 100
+STEPS = 100  # of Newton's method
 LAST = 1e-8  # step over the size of the unknowns; the remaining error is about its square
 
 
@@ -31,14 +30,22 @@ def _vector_lengths(vectors: np.ndarray) -> np.ndarray:
 
 def piece_chord_vectors(left_forces: np.ndarray, lengths: np.ndarray, case: Case) -> np.ndarray:
     """(dx, dy) of pieces (k, 2, m) with forces N t (k, 2, m) at their left ends and lengths S (k, m)."""
-    right_forces = np.stack([left_forces[:, 0], left_forces[:, 1] - case.weight * lengths], axis=1)
-    N = 0.5 * (_vector_lengths(left_forces) + _vector_lengths(right_forces))
+    right_forces = _right_end_forces(left_forces, lengths, case)
+    N = 0.5 * (_vector_lengths(left_forces) + _vector_lengths(right_forces))  # (k, m)
     w = 0.5 * case.weight * lengths / N
     small = np.abs(w) < 1e-3
-    ratio = np.where(small, 1.0 + w**2 / 3.0 + w**4 / 5.0, np.arctanh(w) / np.where(small, 1.0, w))
+    series = 1.0 + w**2 / 3.0 + w**4 / 5.0
+    ratio = np.where(small, series, np.arctanh(w) / np.where(small, 1.0, w))  # atanh(w)/w
     middle = 0.5 * (left_forces + right_forces)
-    compliance = 1.0 / case.EA + np.stack([ratio, np.ones_like(ratio)], axis=1) / N[:, None]
+    ratios = np.stack([ratio, np.ones_like(ratio)], axis=1)  # of dx and dy (k, 2, m)
+    compliance = 1.0 / case.EA + ratios / N[:, None]
     return case.thermal_stretch * lengths[:, None] * middle * compliance
+
+
+def _right_end_forces(left_forces: np.ndarray, lengths: np.ndarray, case: Case) -> np.ndarray:
+    """Forces N t (k, 2, m) at the right ends of pieces, from those at the left ends."""
+    H, P = left_forces[:, 0], left_forces[:, 1]
+    return np.stack([H, P - case.weight * lengths], axis=1)
 
 
 class _Stations(NamedTuple):
@@ -56,7 +63,8 @@ class _CatenaryProblem:
         self.count = len(case.stations) - 1
         self.s = case.s_or_nan
         self.points = case.points_or_nan
-        self.free_s, self.free_points = np.isnan(self.s), np.isnan(self.points)
+        self.free_s = np.isnan(self.s)
+        self.free_points = np.isnan(self.points)
         first = first_guess(case)
         if isinstance(first, NoLineAtRest):
             raise first
@@ -74,30 +82,32 @@ class _CatenaryProblem:
     def stations_of_unknowns(self, X: np.ndarray) -> _Stations:
         """The stations for unknowns X (k, m)."""
         m = X.shape[1]
-        k = 2 * self.count
+        forces, s_and_points = np.split(X, [2 * self.count])
+        free_s, free_points = np.split(s_and_points, [int(self.free_s.sum())])
         s = np.repeat(self.s[:, None], m, axis=1).astype(X.dtype)
         points = np.repeat(self.points[:, :, None], m, axis=2).astype(X.dtype)
-        first = k + int(self.free_s.sum())
-        s[self.free_s] = X[k:first]
-        points[self.free_points] = X[first:]
+        s[self.free_s] = free_s
+        points[self.free_points] = free_points
+        left_forces = forces.reshape(self.count, 2, m)
+        right_forces = _right_end_forces(left_forces, np.diff(s, axis=0), self.case)
         none = np.zeros((1, 2, m))
-        n = X[:k].reshape(self.count, 2, m)
-        end = np.stack([n[:, 0], n[:, 1] - self.case.weight * np.diff(s, axis=0)], axis=1)
-        return _Stations(np.concatenate([none, end]), np.concatenate([n, none]), s, points)
+        behind = np.concatenate([none, right_forces])
+        ahead = np.concatenate([left_forces, none])
+        return _Stations(behind, ahead, s, points)
 
     def residual(self, X: np.ndarray) -> np.ndarray:
         """Residual for X (k, m); lengths over the reach, forces over H."""
         behind, ahead, s, points = self.stations_of_unknowns(X)
-        gaps = np.diff(points, axis=0) - piece_chord_vectors(ahead[:-1], np.diff(s, axis=0), self.case)
-        rows = [
-            _station_residuals(p, *each) / self.H
-            for p, *each in zip(self.case.stations, behind, ahead, points, strict=True)
-        ]
+        chords = piece_chord_vectors(ahead[:-1], np.diff(s, axis=0), self.case)
+        gaps = np.diff(points, axis=0) - chords  # (count, 2, m)
+        rows = [gaps.reshape(2 * self.count, -1) / self.reach]
+        for k, station in enumerate(self.case.stations):
+            rows.append(_station_residuals(station, behind[k], ahead[k], points[k]) / self.H)
         if self.case.prescribed_tension is not None:
             k, tension = self.case.prescribed_tension
             force = ahead[k] if k < self.count else behind[k]
             rows.append((_vector_lengths(force) - tension)[None] / self.H)
-        return np.concatenate([gaps.reshape(2 * self.count, -1) / self.reach, *rows])
+        return np.concatenate(rows)
 
     def stations_in_order(self, X: np.ndarray) -> bool:
         return bool(np.all(np.diff(self.stations_of_unknowns(X[:, None]).s, axis=0) > 0.0))
@@ -105,11 +115,11 @@ class _CatenaryProblem:
     def line_state(self, X: np.ndarray) -> LineState:
         """The line at rest for the solution X (k,)."""
         behind, ahead, s, points = (part[..., 0] for part in self.stations_of_unknowns(X[:, None]))
-        half = 0.5 * np.diff(s)[:, None]
-        middle = points[:-1] + piece_chord_vectors(ahead[:-1, :, None], half, self.case)[..., 0]
+        half_chords = piece_chord_vectors(ahead[:-1, :, None], 0.5 * np.diff(s)[:, None], self.case)
+        middle = points[:-1] + half_chords[..., 0]
         behind[0] = ahead[-1] = np.nan
-        hauled = np.array([p.force if p.kind == "hauled" else np.nan for p in self.case.stations])
-        haul = -hauled * _mean_tangent(behind.T, ahead.T)[1]
+        weights = np.array([p.force if p.kind == "hauled" else np.nan for p in self.case.stations])
+        haul = -weights * _mean_tangent(behind.T, ahead.T)[1]
         return LineState(self.case, s, points, behind, ahead, haul, middle)
 
 
@@ -123,7 +133,8 @@ def _station_residuals(p: Station, behind: np.ndarray, ahead: np.ndarray, points
         return np.empty((0, points.shape[-1]))
     jump = ahead - behind
     if p.stiffness is not None:
-        return jump - np.array(p.stiffness)[:, None] * (points - np.array([[p.x], [p.y]]))
+        stretch = points - np.array([[p.x], [p.y]])
+        return jump - np.array(p.stiffness)[:, None] * stretch
     weight = np.array([[0.0], [p.force]])
     if p.kind == "grips":
         return jump + weight
@@ -132,7 +143,8 @@ def _station_residuals(p: Station, behind: np.ndarray, ahead: np.ndarray, points
 
 
 def _mean_tangent(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-    return (behind + ahead) / _vector_lengths(behind + ahead)
+    both = behind + ahead
+    return both / _vector_lengths(both)
 
 
 def _solve_by_newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
@@ -145,8 +157,9 @@ def _solve_by_newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
     for _ in range(STEPS):
         r = problem.residual(X[:, None])[:, 0]
         shifted = X[:, None] + 1j * tiny * np.diag(problem.size)
+        tangent = problem.residual(shifted).imag / tiny
         try:
-            step = -np.linalg.solve(problem.residual(shifted).imag / tiny, r) * problem.size
+            step = -np.linalg.solve(tangent, r) * problem.size
         except np.linalg.LinAlgError:
             break
         large = float(np.max(np.abs(step / problem.size)))
@@ -186,43 +199,46 @@ def solve(cases: Sequence[Case], extra_steps: int = 0) -> list[LineState | NoLin
 
 def depth_and_tension(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Depth [m] and tension [N] at x (m,) [m]."""
+    case = state.case
     piece = np.clip(np.searchsorted(state.points[:, 0], x, side="right") - 1, 0, len(state.s) - 2)
-    start = state.points[piece]
+    x_start, y_start = state.points[piece].T
+    H, P = state.ahead[piece].T  # at the left ends (m,)
     run = np.diff(state.points[:, 0])[piece]
-    lengths = np.diff(state.s)[piece]
-    n = state.ahead[piece][:, :, None]
-    S = (lengths * (x - start[:, 0]) / run)[:, None]
+    S = np.diff(state.s)[piece] * (x - x_start) / run  # from the left ends to x, at first by proportion
     for _ in range(STEPS):  # three steps do
-        chord = piece_chord_vectors(n, S, state.case)[..., 0]
-        N = np.hypot(n[:, 0, 0], n[:, 1, 0] - state.case.weight * S[:, 0])
-        off = (x - start[:, 0] - chord[:, 0]) / (
-            state.case.thermal_stretch * n[:, 0, 0] * (1.0 / N + 1.0 / state.case.EA)
-        )
-        S = S + off[:, None]
+        chord = piece_chord_vectors(np.stack([H, P], axis=1)[:, :, None], S[:, None], case)[..., 0]
+        N = np.hypot(H, P - case.weight * S)
+        x_per_S = case.thermal_stretch * H * (1.0 / N + 1.0 / case.EA)
+        off = (x - x_start - chord[:, 0]) / x_per_S
+        S = S + off
         if np.abs(off).max(initial=0.0) < LAST:
             break
-    return start[:, 1] + chord[:, 1], N
+    return y_start + chord[:, 1], N
 
 
 def min_tension(state: LineState) -> float:
     """Smallest tension [N]: where the rope is level, or at a station."""
-    n = state.ahead[:-1]
-    level = np.clip(n[:, 1] / state.case.weight, 0.0, np.diff(state.s))
-    return float(np.hypot(n[:, 0], n[:, 1] - state.case.weight * level).min())
+    H, P = state.ahead[:-1].T  # (n - 1,)
+    weight = state.case.weight
+    level = np.clip(P / weight, 0.0, np.diff(state.s))
+    return float(np.hypot(H, P - weight * level).min())
 
 
 def piece_points_nearest_to_slope(state: LineState, slope: float) -> np.ndarray:
     """Points (n - 1, 2) [m] of the pieces where the rope has a slope dy/dx, or their ends nearest to it."""
-    n = state.ahead[:-1]  # (n - 1, 2)
-    S = np.clip((n[:, 1] - n[:, 0] * slope) / state.case.weight, 0.0, np.diff(state.s))
-    return state.points[:-1] + piece_chord_vectors(n[:, :, None], S[:, None], state.case)[..., 0]
+    left_forces = state.ahead[:-1]  # (n - 1, 2)
+    H, P = left_forces.T
+    S = np.clip((P - H * slope) / state.case.weight, 0.0, np.diff(state.s))
+    chords = piece_chord_vectors(left_forces[:, :, None], S[:, None], state.case)
+    return state.points[:-1] + chords[..., 0]
 
 
 def sag_between_stations(state: LineState, first: int, last: int) -> float:
     """Largest vertical distance [m] of the rope below the chord of two stations."""
     dx, dy = state.points[last] - state.points[first]
-    below = piece_points_nearest_to_slope(state, dy / dx)[first:last] - state.points[first]  # (last - first, 2)
-    return float(np.max(below[:, 1] - below[:, 0] * dy / dx))
+    lowest = piece_points_nearest_to_slope(state, dy / dx)[first:last]  # (last - first, 2)
+    run, depth = (lowest - state.points[first]).T
+    return float(np.max(depth - run * dy / dx))
 
 
 def min_clearance(state: LineState, ground: np.ndarray) -> float:
@@ -231,8 +247,12 @@ def min_clearance(state: LineState, ground: np.ndarray) -> float:
     The rope sags between stations: it is nearest where it is parallel to the ground, at a corner or at an end.
     """
     x, depth = ground.T
-    corners = np.concatenate([x, state.points[[0, -1], 0]])
-    nearest = [piece_points_nearest_to_slope(state, slope)[:, 0] for slope in np.diff(depth) / np.diff(x)]
-    at = np.concatenate([corners, *nearest])
-    at = at[(at >= max(x[0], state.points[0, 0])) & (at <= min(x[-1], state.points[-1, 0]))]
-    return float(np.min(np.interp(at, x, depth) - depth_and_tension(state, at)[0], initial=np.inf))
+    x_rope = state.points[:, 0]
+    parallel = [piece_points_nearest_to_slope(state, slope)[:, 0] for slope in np.diff(depth) / np.diff(x)]
+    candidates = np.concatenate([x, x_rope[[0, -1]], *parallel])
+    first = max(x[0], x_rope[0])
+    last = min(x[-1], x_rope[-1])
+    candidates = candidates[(candidates >= first) & (candidates <= last)]
+    rope_depth, _ = depth_and_tension(state, candidates)
+    heights = np.interp(candidates, x, depth) - rope_depth
+    return float(np.min(heights, initial=np.inf))

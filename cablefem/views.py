@@ -13,93 +13,114 @@ from cablefem.motion import CarMotion, ContactMotion
 if TYPE_CHECKING:
     from cablefem.response import Array, Response
 
-BLUE, GREY = "#0072B2", "#999"
+BLUE = "#0072B2"
+GREY = "#999"
 
 
 def sample_fields(r: Response, t: Any, s: Any) -> dict[str, Array]:
     """`Response.at`: between frames displacements are cubic by their velocities, tensions linear."""
-    t, s = (np.atleast_1d(np.asarray(x, dtype=float)) for x in (t, s))
+    t = np.atleast_1d(np.asarray(t, dtype=float))
+    s = np.atleast_1d(np.asarray(s, dtype=float))
     _raise_if_outside("t", t, r.t[0], r.t[-1])
     _raise_if_outside("s", s, 0.0, r.length)
+    f = r.fields
     out = {name: np.empty((t.size, s.size)) for name in ("x", "y", "u", "v", "T")}
-    x_rest = np.interp(s, r.fields.s, r.fields.x)
-    y_rest = np.interp(s, r.fields.s, r.fields.y)
+    T_behind, T_ahead = _tensions_at_mass(r)
     beside = 1e-9 * r.length  # a station so near the mass is under it
     for k, instant in enumerate(t.tolist()):
-        s_o, u, v, behind, ahead = (np.interp(instant, r.t, z) for z in (r.s_o, r.u, r.v, *_tensions_at_mass(r)))
-        w, T = _displacements_and_tension_at_time(r, instant, s_o)
+
+        def at_instant(history: Array, instant: float = instant) -> float:
+            return float(np.interp(instant, r.t, history))
+
+        s_o = at_instant(r.s_o)
+        at_stations = _displacements_and_tension_at_time(r, instant, s_o)
+        behind_and_ahead = {"u": (r.u, r.u), "v": (r.v, r.v), "T": (T_behind, T_ahead)}
         # a station under the mass has no side; just beyond it T is that ahead
-        i, j = np.searchsorted(r.fields.s, [s_o - beside, s_o + beside]).tolist()
-        places = np.concatenate([r.fields.s[:i], [s_o, np.nextafter(s_o, np.inf)], r.fields.s[j:]])
-        for name, z, at_mass in (("u", w[0], [u, u]), ("v", w[1], [v, v]), ("T", T, [behind, ahead])):
-            out[name][k] = np.interp(s, places, np.concatenate([z[:i], at_mass, z[j:]]))
-    out["x"] = x_rest + out["u"]
-    out["y"] = y_rest + out["v"]
+        i, j = np.searchsorted(f.s, [s_o - beside, s_o + beside]).tolist()
+        positions = np.concatenate([f.s[:i], [s_o, np.nextafter(s_o, np.inf)], f.s[j:]])
+        for name, values in at_stations.items():
+            at_mass = [at_instant(history) for history in behind_and_ahead[name]]
+            out[name][k] = np.interp(s, positions, np.concatenate([values[:i], at_mass, values[j:]]))
+    out["x"] = np.interp(s, f.s, f.x) + out["u"]
+    out["y"] = np.interp(s, f.s, f.y) + out["v"]
     return out
 
 
 def _raise_if_outside(name: str, values: Array, low: float, high: float) -> None:
     """ValueError unless all values are from low to high, up to rounding."""
-    if not (np.isfinite(values).all() and values.min() >= low and values.max() <= high * (1.0 + 1e-12)):
+    largest = high * (1.0 + 1e-12)
+    if not (np.isfinite(values).all() and values.min() >= low and values.max() <= largest):
         raise ValueError(f"{name}: must be from {low:.6g} to {high:.6g}, got {values.tolist()}")
 
 
 def _tensions_at_mass(r: Response) -> tuple[Array, Array]:
     """Tension at the mass behind and ahead; on a support the other side's."""
-    missing = np.isnan(r.T_behind), np.isnan(r.T_ahead)
-    return np.where(missing[0], r.T_ahead, r.T_behind), np.where(missing[1], r.T_behind, r.T_ahead)
+    behind = np.where(np.isnan(r.T_behind), r.T_ahead, r.T_behind)
+    ahead = np.where(np.isnan(r.T_ahead), r.T_behind, r.T_ahead)
+    return behind, ahead
 
 
-def _displacements_and_tension_at_time(r: Response, t: float, s_o: float) -> tuple[Array, Array]:
-    """(u, v) (2, m) and T (m,) at the stations; T is that of frames with the same side there."""
+def _displacements_and_tension_at_time(r: Response, t: float, s_o: float) -> dict[str, Array]:
+    """u, v and T (m,) at the stations with the mass at s_o; T is that of frames with the same side there."""
     f = r.fields
     if f.t.size < 2:
         raise ValueError("the response keeps fewer than two frames of its fields")
     i = min(max(int(np.searchsorted(f.t, t)) - 1, 0), f.t.size - 2)
     dt = f.t[i + 1] - f.t[i]
     x = min(max((t - f.t[i]) / dt, 0.0), 1.0)
-    h = (1 + 2 * x) * (1 - x) ** 2, x * (1 - x) ** 2 * dt, x * x * (3 - 2 * x), x * x * (x - 1) * dt
-    w = [h[0] * q[i] + h[1] * p[i] + h[2] * q[i + 1] + h[3] * p[i + 1] for q, p in ((f.u, f.du), (f.v, f.dv))]
-    same_side, same_side_after = ((f.s > f.s_o[j]) == (f.s > s_o) for j in (i, i + 1))
-    weight = np.where(same_side & same_side_after, x, np.where(same_side_after, 1.0, 0.0))
-    return np.stack(w), (1.0 - weight) * f.T[i] + weight * f.T[i + 1]
+
+    def hermite(value: Array, rate: Array) -> Array:
+        at_begin = (1 + 2 * x) * (1 - x) ** 2 * value[i] + x * (1 - x) ** 2 * dt * rate[i]
+        return at_begin + x * x * (3 - 2 * x) * value[i + 1] + x * x * (x - 1) * dt * rate[i + 1]
+
+    ahead = f.s > s_o  # (m,)
+    same_side_before = (f.s > f.s_o[i]) == ahead
+    same_side_after = (f.s > f.s_o[i + 1]) == ahead
+    weight = np.where(same_side_after, np.where(same_side_before, x, 1.0), 0.0)
+    T = (1.0 - weight) * f.T[i] + weight * f.T[i + 1]
+    return {"u": hermite(f.u, f.du), "v": hermite(f.v, f.dv), "T": T}
 
 
 def single_car_motion(r: Response) -> CarMotion:
     """The car of a run of one span; its speed along the rope is that of its point over the stretch."""
     stretch = 0.5 * (np.linalg.norm(r.slope_behind, axis=1) + np.linalg.norm(r.slope_ahead, axis=1))
     tangent = r.slope_behind + r.slope_ahead
-    along = np.sum(r.velocity * tangent, axis=1) / np.linalg.norm(tangent, axis=1)
+    speed = np.sum(r.velocity * tangent, axis=1) / np.linalg.norm(tangent, axis=1)
+    no_grip = np.full_like(r.t, np.nan)
+    no_shoe = np.zeros_like(r.t)
     return CarMotion(
-        name="car", s=r.s_o, ds=along / stretch, point=np.stack([r.x, r.y], axis=1), velocity=r.velocity,
+        name="car", s=r.s_o, ds=speed / stretch, point=np.stack([r.x, r.y], axis=1), velocity=r.velocity,
         acceleration=r.acceleration, tension_behind=r.T_behind, tension_ahead=r.T_ahead, slope_behind=r.slope_behind,
-        slope_ahead=r.slope_ahead, haul_force=r.F_haul, grip_force=np.full_like(r.t, np.nan),
-        contact_force=r.F_contact, shoe_force=np.zeros_like(r.t),
+        slope_ahead=r.slope_ahead, haul_force=r.F_haul, grip_force=no_grip,
+        contact_force=r.F_contact, shoe_force=no_shoe,
     )  # fmt: skip
 
 
 def support_motions(r: Response) -> tuple[ContactMotion, ContactMotion]:
     """Left and right support of a run of one span; the force of the rope on them is that of the reactions."""
     none = np.full_like(r.t, np.nan)
-    still = np.zeros_like(r.t)
-    sides = (("left", 0, r.reaction_left), ("right", -1, r.reaction_right))
-    out = []
-    for name, k, reaction in sides:
-        tension = np.linalg.norm(reaction, axis=1)
-        point = np.broadcast_to([r.fields.x[k], r.fields.y[k]], (r.t.size, 2))
-        behind, ahead = (none, tension) if name == "left" else (tension, none)
-        out.append(ContactMotion(
-            name=name, kind="anchor", s=np.full_like(r.t, r.fields.s[k]), ds=still, point=point,
-            tension_behind=behind, tension_ahead=ahead, pressure=-reaction, rise=none,
-        ))  # fmt: skip
-    return out[0], out[1]
+    f = r.fields
+
+    def anchor(name: str, k: int, reaction: Array, **tensions: Array) -> ContactMotion:
+        s = np.full_like(r.t, f.s[k])
+        point = np.broadcast_to([f.x[k], f.y[k]], (r.t.size, 2))
+        still = np.zeros_like(r.t)
+        beside = {"tension_behind": none, "tension_ahead": none} | tensions
+        return ContactMotion(
+            name=name, kind="anchor", s=s, ds=still, point=point, pressure=-reaction, rise=none, **beside
+        )
+
+    left = anchor("left", 0, r.reaction_left, tension_ahead=np.linalg.norm(r.reaction_left, axis=1))
+    right = anchor("right", -1, r.reaction_right, tension_behind=np.linalg.norm(r.reaction_right, axis=1))
+    return left, right
 
 
 def side_view_svg(r: Response) -> str:
     """The side view for notebooks as SVG."""
     out = io.StringIO()
     plot_side_view(r).figure.savefig(out, format="svg")
-    return f"<p>{html.escape(repr(r))}</p>{out.getvalue()[out.getvalue().index('<svg') :]}"
+    _, tag, svg = out.getvalue().partition("<svg")
+    return f"<p>{html.escape(repr(r))}</p>{tag}{svg}"
 
 
 def _given_or_new_axes(ax: Any) -> Any:
@@ -115,7 +136,8 @@ def plot_side_view(r: Response, ax: Any = None) -> Any:
     ax = _given_or_new_axes(ax)
     f = r.fields
     ax.plot(f.x, f.y, color=GREY, linestyle="--", label="rope at rest")
-    ax.fill_between(f.x, np.min(f.y + f.v, axis=0), np.max(f.y + f.v, axis=0), color=BLUE, alpha=0.2, label="envelope")
+    depths = f.y + f.v  # (frames, stations)
+    ax.fill_between(f.x, depths.min(axis=0), depths.max(axis=0), color=BLUE, alpha=0.2, label="envelope")
     ax.plot(r.x, r.y, color=BLUE, label="path of the car")
     ax.set(xlabel="x [m]", ylabel="depth below the left support [m]", title=r.scene)
     ax.invert_yaxis()
