@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -48,23 +48,29 @@ def _numbers_at_position(rest: LineRest, i: int) -> Row:
     out: Row = {}
     for car in line.car:
         out |= _numbers_at_car(rest, i, car)
-    index = {p.name: k for k, p in enumerate(state.case.stations)}
     for j in range(len(line.contact)):
-        out |= _numbers_at_contact(rest, i, j, index)
+        out |= _numbers_at_contact(rest, i, j)
     for a, b in itertools.pairwise(line.contact):
-        out[f"sag:{a.name} to {b.name}"] = catenary_line.sag_between_stations(state, index[a.name], index[b.name])
-    out |= _rope_numbers(line, state)
+        between = station_index(state, a.name), station_index(state, b.name)
+        out[f"sag:{a.name} to {b.name}"] = catenary_line.sag_between_stations(state, *between)
+    out |= _rope_tensions_and_clearances(line, state)
     return {name: None if isinstance(x, float) and not math.isfinite(x) else x for name, x in out.items()}
 
 
-def _rope_numbers(line: Line, state: LineState) -> Row:
+def station_index(state: LineState, name: str) -> int:
+    """Index of the station of a contact or car."""
+    return [station.name for station in state.case.stations].index(name)
+
+
+def _rope_tensions_and_clearances(line: Line, state: LineState) -> Row:
     """Extreme tensions, safety factor, and clearances of the rope over obstacles and the ground."""
     out: Row = {"tension_max": float(np.nanmax(state.station_tensions))}
     out["tension_min"] = catenary_line.min_tension(state)
     if line.cable.breaking_load is not None:
         out["safety_factor"] = line.cable.breaking_load / out["tension_max"]
-    for o in line.obstacle:
-        out[f"clearance_rope:{o.name}"] = o.top - float(catenary_line.depth_and_tension(state, np.array([o.at]))[0][0])
+    for obstacle in line.obstacle:
+        depths, _ = catenary_line.depth_and_tension(state, np.array([obstacle.at]))
+        out[f"clearance_rope:{obstacle.name}"] = obstacle.top - float(depths[0])
     if line.ground:
         out[f"clearance_rope:{GROUND}"] = catenary_line.min_clearance(state, np.array(line.ground))
     return out
@@ -80,13 +86,14 @@ def _numbers_at_car(rest: LineRest, i: int, car: Car) -> Row:
     if car.hauled:
         forces["haul"] = state.haul
     if shoe is None:
-        k = [p.name for p in state.case.stations].index(car.name)
+        k = station_index(state, car.name)
         depth = float(state.points[k, 1])
         values: Row = {f"{name}:{car.name}": float(N[k]) for name, N in forces.items()}
     else:
         depth = _depth_on_shoe(rest, i, car, shoe.at)
         values = {f"{name}:{car.name}": None for name in forces}
-    out = {f"x:{car.name}": x, f"depth:{car.name}": depth, f"on:{car.name}": shoe and shoe.name} | values
+    out: Row = {f"x:{car.name}": x, f"depth:{car.name}": depth, f"on:{car.name}": shoe and shoe.name}
+    out |= values
     ground = np.array(line.ground).reshape(-1, 2)  # (m, 2)
     if line.ground and ground[0, 0] <= x <= ground[-1, 0]:
         out[_car_clearance_name(car, GROUND)] = float(np.interp(x, *ground.T)) - depth - car.below
@@ -98,47 +105,45 @@ def _depth_on_shoe(rest: LineRest, i: int, car: Car, saddle: tuple[float, float]
 
     At its ends the rail runs along the chords to the saddle, there with their mean slope.
     """
-    states = rest.shoe_ends[i, car.name]
-    left, right = (x.points[[p.name for p in x.case.stations].index(car.name)] for x in states)
+    left, right = (state.points[station_index(state, car.name)] for state in rest.shoe_ends[i, car.name])
     x, y = np.array([left, saddle, right]).T
-    chords = np.diff(y) / np.diff(x)
-    rail = CubicHermiteSpline(x, y, [chords[0], chords.mean(), chords[1]])
+    slopes = np.diff(y) / np.diff(x)  # of both chords
+    rail = CubicHermiteSpline(x, y, [slopes[0], slopes.mean(), slopes[1]])
     return float(rail(rest.line.position_of(car, i)))
 
 
-def _numbers_at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -> Row:
-    """Numbers of contact j at position i; index : station by name."""
+def _numbers_at_contact(rest: LineRest, i: int, j: int) -> Row:
+    """Numbers of contact j at position i."""
     line = rest.line
     state = rest.states[i]
-    contact = rest.line.contact[j]
+    contact = line.contact[j]
     name = contact.name
-    k = index[contact.name]
+    k = station_index(state, name)
     out = {f"tension:{name}": float(np.nanmax(state.station_tensions[k]))}
     if contact.kind == "saddle":
         across, down = state.rope_force_on_stations[k].tolist()
-        cars = (
-            sum(car.mass for car in line.car if line.saddle_with_shoe_at(line.position_of(car, i)) is contact)
-            * line.gravity
-        )
-        out[f"load:{name}"] = math.hypot(across, down + cars)
-        out[f"load_down:{name}"] = down + cars
+        on_shoe = [car.mass for car in line.car if line.saddle_with_shoe_at(line.position_of(car, i)) is contact]
+        load_down = down + sum(on_shoe) * line.gravity
+        out[f"load:{name}"] = math.hypot(across, load_down)
+        out[f"load_down:{name}"] = load_down
         out[f"pressure:{name}"] = math.hypot(across, down)
         out[f"pressure_down:{name}"] = down
-        out[f"knee:{name}"] = _bend_angle(state, k)
-        out[f"knee_empty:{name}"] = _bend_angle(rest.empty, j)
+        out[f"knee:{name}"] = _degrees_of_bend_down(state, k)
+        out[f"knee_empty:{name}"] = _degrees_of_bend_down(rest.empty, j)
         out[f"direction:{name}"] = math.degrees(math.atan2(across, down))
         out[f"rope_over:{name}"] = float(rest.empty.s[j] - state.s[k])
     elif contact.kind == "counterweight":
         taken = float(np.ptp(state.s) - np.ptp(rest.empty.s))
-        out[f"rise:{name}"] = state.case.thermal_stretch * (1.0 + state.case.stations[k].force / state.case.EA) * taken
+        case = state.case
+        out[f"rise:{name}"] = case.thermal_stretch * (1.0 + case.stations[k].force / case.EA) * taken
     elif contact.kind == "spring":
         out[f"shift:{name}"] = math.dist(state.points[k], contact.at)
     return out
 
 
-def _bend_angle(state: LineState, station: int) -> float:
+def _degrees_of_bend_down(state: LineState, station: int) -> float:
     """Angle [deg] by which the rope bends down at a station."""
-    behind, ahead = (math.atan2(pull[1], pull[0]) for pull in (state.behind[station], state.ahead[station]))
+    behind, ahead = (math.atan2(pulls[station, 1], pulls[station, 0]) for pulls in (state.behind, state.ahead))
     return math.degrees(ahead - behind)
 
 
@@ -152,45 +157,55 @@ def _clearances_between_positions(line: Line, rows: Sequence[Row | None]) -> lis
     Each with its name and the position before; rows : numbers by position.
     """
     out = []
-    tops = [(o.name, o.at, o.top) for o in line.obstacle] + [(GROUND, *point) for point in line.ground]
+    tops = [(o.name, o.at, o.top) for o in line.obstacle]
+    tops += [(GROUND, *point) for point in line.ground]
     for car in line.car:
         track = _track_of_car(line, car, rows)
-        for (i, a, y), (_, b, z) in itertools.pairwise([*track, *track[-1:]]):
-            for name, at, top in tops:
-                if min(a, b) <= at <= max(a, b):
-                    w = (at - a) / (b - a) if b != a else 0.0
-                    out.append((_car_clearance_name(car, name), i, top - y - w * (z - y) - car.below))
+        for before, after in itertools.pairwise([*track, *track[-1:]]):
+            for name, x, top in tops:
+                if min(before.x, after.x) <= x <= max(before.x, after.x):
+                    share = (x - before.x) / (after.x - before.x) if after.x != before.x else 0.0
+                    clearance = top - before.depth - share * (after.depth - before.depth) - car.below
+                    out.append((_car_clearance_name(car, name), before.position, clearance))
     return out
 
 
-def _track_of_car(line: Line, car: Car, rows: Sequence[Row | None]) -> list[tuple[int, float, float]]:
-    """Index, x and depth of a car at each position that has a depth."""
-    depths = [(i, row[f"depth:{car.name}"]) for i, row in enumerate(rows) if row]
-    return [(i, line.position_of(car, i), depth) for i, depth in depths if depth is not None]
+class CarPoint(NamedTuple):
+    position: int  # index
+    x: float
+    depth: float
+
+
+def _track_of_car(line: Line, car: Car, rows: Sequence[Row | None]) -> list[CarPoint]:
+    """Where a car is at each position that has a depth."""
+    depths = [None if row is None else row[f"depth:{car.name}"] for row in rows]
+    return [CarPoint(i, line.position_of(car, i), depth) for i, depth in enumerate(depths) if depth is not None]
 
 
 def max_and_min_rows(line: Line, rows: Sequence[Row | None]) -> list[Row]:
     """Design numbers: largest and smallest value of each quantity, with its position; rows : numbers by position."""
     out = []
     for name, values in _values_by_quantity(line, rows).items():
-        kind = name.partition(":")[0]
+        words = WORDS[name.partition(":")[0]]
         for word, pick in (("max", max), ("min", min)):
-            if WORDS[kind].get("only", word) == word:
+            if words.get("only", word) == word:
                 extreme, _ = pick(values)
                 rounding = ROUNDING * abs(extreme)
                 value, i = next(x for x in values if abs(x[0] - extreme) <= rounding)  # the first of equal ones
+                cars = {car.name: line.position_of(car, i) for car in line.car}
                 out.append({
-                    "quantity": _name_of_extreme(name, word), "value": value, "bar": None, "unit": WORDS[kind]["unit"],
-                    "position": i + 1, "at": {c.name: line.position_of(c, i) for c in line.car},
+                    "quantity": _name_of_extreme(name, word), "value": value, "bar": None, "unit": words["unit"],
+                    "position": i + 1, "at": cars,
                 })  # fmt: skip
     return out
 
 
 def _values_by_quantity(line: Line, rows: Sequence[Row | None]) -> dict[str, list[tuple[float, int]]]:
     """Values of each quantity, each with the index of its position; rows : numbers by position."""
-    known = [(name, i, value) for i, row in enumerate(rows) for name, value in (row or {}).items()]
+    values = [(name, i, value) for i, row in enumerate(rows) for name, value in (row or {}).items()]
+    values += _clearances_between_positions(line, rows)
     series: dict[str, list[tuple[float, int]]] = {}
-    for name, i, value in (*known, *_clearances_between_positions(line, rows)):
+    for name, i, value in values:
         if isinstance(value, float) and base_quantity(name) != "x":
             series.setdefault(name, []).append((value, i))
     return series
@@ -212,15 +227,16 @@ def envelope_columns(rest: LineRest) -> dict[str, Array]:
     x = np.linspace(0.0, span, STATIONS)
     beside = 1e-9 * span
     sides = [np.clip(x + dx, 0.0, span) for dx in (-beside, beside)]
-    states = rest.states.values()
-    y = np.array([catenary_line.depth_and_tension(state, x)[0] for state in states])  # (positions, STATIONS)
-    T = np.array([catenary_line.depth_and_tension(state, side)[1] for state in states for side in sides])
-    at_rest, _ = catenary_line.depth_and_tension(rest.empty, x)
-    return {
-        "x": x, "y_rest": at_rest,
-        "y_highest": y.min(axis=0), "y_lowest": y.max(axis=0),
-        "tension_max": T.max(axis=0), "tension_min": T.min(axis=0),
-    }  # fmt: skip
+    depths = []
+    tensions = []
+    for state in rest.states.values():
+        depths.append(catenary_line.depth_and_tension(state, x)[0])
+        tensions += [catenary_line.depth_and_tension(state, side)[1] for side in sides]
+    y = np.array(depths)  # (positions, STATIONS)
+    T = np.array(tensions)  # (2 positions, STATIONS)
+    y_rest, _ = catenary_line.depth_and_tension(rest.empty, x)
+    out = {"x": x, "y_rest": y_rest, "y_highest": y.min(axis=0), "y_lowest": y.max(axis=0)}
+    return out | {"tension_max": T.max(axis=0), "tension_min": T.min(axis=0)}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -254,7 +270,7 @@ class RestAnswers(LineAnswers):
         return sorted(clearances, key=lambda d: d["value"])
 
     @cached_property
-    def needed_tension_text(self) -> str:
+    def needed_counterweight_text(self) -> str:
         """What a counterweight must be for all positions to have a rest, as the end of a sentence."""
         return self.rest.needed_counterweight_text(catenary_line.solve)
 
@@ -275,7 +291,7 @@ class RestAnswers(LineAnswers):
             parts.append(Outcome("collides", f"would collide: {', '.join([*hits[:most], *more])}"))
         if self.positions_without_rest:
             without = f"{len(self.positions_without_rest)} of {self.line.position_count} positions have no rest"
-            parts.append(Outcome("incomplete", without + self.needed_tension_text))
+            parts.append(Outcome("incomplete", without + self.needed_counterweight_text))
         if not parts:
             count = _position_count_text(self.line.position_count)
             carries = f"at rest at {count}; largest tension {load}{_car_positions_text(tension)}"
@@ -302,12 +318,13 @@ class RestAnswers(LineAnswers):
         table.write_csv_rows(folder / "positions.csv", rows)
         write_csv(folder / "profile.csv", ",".join(profile), np.stack(list(profile.values()), axis=1))
         write_text(folder / "scene.toml", line.to_toml())
+        outcome = self.outcome
+        length = float(np.ptp(self.rest.empty.s))
         write_json(folder / "summary.json", {
             "scene": line.name, "title": line.title, "method": "catenaries", "status": self.status,
-            "outcome": self.outcome.sentence, "outcome_kind": self.outcome.kind,
-            "refused": self.positions_without_rest, "positions": line.position_count,
-            "empty_length": float(np.ptp(self.rest.empty.s)),
-            "design": self.design, "limits": self.limits, "seconds": seconds,
+            "outcome": outcome.sentence, "outcome_kind": outcome.kind, "refused": self.positions_without_rest,
+            "positions": line.position_count, "empty_length": length, "design": self.design, "limits": self.limits,
+            "seconds": seconds,
         })  # fmt: skip
         depths = self._depths_at_some_positions(profile["x"])
         ropes = {"profile": {name: values.tolist() for name, values in profile.items()}, "depths": depths}
@@ -327,18 +344,17 @@ class RestAnswers(LineAnswers):
     def print_answer(self, seconds: float) -> None:
         """Print outcome, limits, design numbers, and the first three positions without rest."""
         rows = largest_and_smallest_rows([d for d in self.design if base_quantity(d["quantity"]) not in NOT_PRINTED])
-        printed = [
-            row for row in rows if row["largest"] != three_decimals_text(0.0, "m") or row["smallest"] != "the same"
-        ]
-        print_line_summary(
-            self.line, self.outcome.sentence, self.limits, printed, len(largest_and_smallest_rows(self.design))
-        )
-        for x in self.positions_without_rest[:3]:
+        zero = three_decimals_text(0.0, "m")
+        printed = [row for row in rows if row["largest"] != zero or row["smallest"] != "the same"]
+        count = len(largest_and_smallest_rows(self.design))
+        print_line_summary(self.line, self.outcome.sentence, self.limits, printed, count)
+        without_rest = self.positions_without_rest
+        most = 3  # reasons
+        for x in without_rest[:most]:
             terminal.print_text(f"  position {x['position']}: {x['reason']}", style="bold red")
-        if len(self.positions_without_rest) > 3:
-            terminal.print_text(
-                f"  and {len(self.positions_without_rest) - 3} more positions without rest", style="bold red"
-            )
+        if len(without_rest) > most:
+            more = len(without_rest) - most
+            terminal.print_text(f"  and {more} more positions without rest", style="bold red")
         terminal.print_text(f"  {_position_count_text(self.line.position_count)} in {seconds:.1f} s")
 
 
@@ -346,17 +362,18 @@ def _position_count_text(count: int) -> str:
     return "1 position" if count == 1 else f"{count} positions"
 
 
-def _car_positions_text(number: Row) -> str:
+def _car_positions_text(extreme: Row) -> str:
     """Where the cars are at an extreme number, as the end of a sentence."""
-    return f" with {', '.join(f'{name} at {x:.0f} m' for name, x in number['at'].items())}" if number["at"] else ""
+    cars = ", ".join(f"{name} at {x:.0f} m" for name, x in extreme["at"].items())
+    return cars and f" with {cars}"
 
 
-def _collision_text(number: Row) -> str:
-    """What hits what by how much; number : a clearance below 0."""
-    kind, _, of = number["quantity"].partition(":")
+def _collision_text(clearance: Row) -> str:
+    """What hits what by how much; clearance : a design number below 0."""
+    kind, _, of = clearance["quantity"].partition(":")
     name = f"the rope over {of}" if kind.startswith("clearance_rope") else of
     who, _, what = name.partition(" over ")
-    return f"{who} hits {what} by {-number['value']:.2f} m{_car_positions_text(number)}"
+    return f"{who} hits {what} by {-clearance['value']:.2f} m{_car_positions_text(clearance)}"
 
 
 def no_rest_refusal(rest: LineRest) -> store.Refused:

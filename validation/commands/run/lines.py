@@ -175,9 +175,12 @@ def _agreement_counts_sentence(result: LineAnswers) -> str:
         (printed, "kinds of printed numbers are as computed"),
     ):
         if group:
-            parts.append(f"{sum(row.verdict is Verdict.AGREE for row in group)} of {len(group)} {words}")
+            agreeing = sum(row.verdict is Verdict.AGREE for row in group)
+            parts.append(f"{agreeing} of {len(group)} {words}")
     wrong = [result.comparison_in_words(row) for row in rows if row.verdict is not Verdict.AGREE]
-    return "; ".join(parts) + (f"; not so: {', '.join(wrong[:4])}" if wrong else "")
+    if wrong:
+        parts.append(f"not so: {', '.join(wrong[:4])}")
+    return "; ".join(parts)
 
 
 def _answer_line_grid(

@@ -15,7 +15,7 @@ from cablefem.response import Array
 from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
 from cablefem.scene.moving import line_in_motion
-from validation.commands.run.line import RestAnswers, answer_line
+from validation.commands.run.line import RestAnswers, answer_line, station_index
 from validation.core import store
 
 
@@ -33,16 +33,16 @@ def line_at_timetable_positions(line: Line) -> Line:
             where = "where it is follows from the motion; must be hauled or grip for --model quasi-static"
             raise store.Refused(f"car.{car.name}.drive.mode = 'free': {where}")
     moving = line_in_motion(line, catenary_line.solve)
-    positions = _timetable_positions_by_car(moving)
+    x = _timetable_positions_by_car(moving)
     thermal_stretch = 1.0 + line.cable.thermal_strain
-    # s by car (n,)
-    s_by_car = {car.name: positions[car.name] / thermal_stretch for car in moving.cars_on_rope if car.along == "s"}
+    s_by_car = {car.name: x[car.name] / thermal_stretch for car in moving.cars_on_rope if car.along == "s"}
     empty = line.solve_empty_line(catenary_line.solve)
-    x = positions | {name: np.interp(s, empty.s, empty.points[:, 0]) for name, s in s_by_car.items()}
+    for name, s in s_by_car.items():
+        x[name] = np.interp(s, empty.s, empty.points[:, 0])
     exact = 1e-6  # [m] from where a car is to where its timetable has it
     for _ in range(30 if s_by_car else 0):
         shifts = _x_shifts_to_reach_s(_at_rest_with_cars_at(line, x), s_by_car)
-        if max(float(np.abs(shift).max()) for shift in shifts.values()) < exact:
+        if max(np.abs(shift).max() for shift in shifts.values()) < exact:
             break
         for name, shift in shifts.items():
             x[name] = x[name] + shift
@@ -59,8 +59,9 @@ def _timetable_positions_by_car(moving: MovingLine) -> dict[str, Array]:
     for i, car in enumerate(moving.cars_on_rope):
         for k, phase in enumerate(phases):
             positions[i, k] = moving.prescribed_position_with_rates(car, float(t[k]), phase)[0]
-    moves = np.append(True, np.any(np.diff(positions, axis=1) != 0.0, axis=0))
-    return dict(zip([car.name for car in moving.cars_on_rope], positions[:, moves], strict=True))
+    moves = np.any(np.diff(positions, axis=1) != 0.0, axis=0)
+    names = [car.name for car in moving.cars_on_rope]
+    return dict(zip(names, positions[:, np.append(True, moves)], strict=True))
 
 
 def _at_rest_with_cars_at(line: Line, x_by_car: dict[str, Array]) -> Line:
@@ -78,13 +79,14 @@ def _x_shifts_to_reach_s(at_rest: Line, s_by_car: dict[str, Array]) -> dict[str,
     shifts = {name: np.zeros(s.size) for name, s in s_by_car.items()}
     for i, state in at_rest.solve_at_rest(catenary_line.solve).states.items():
         for name, s in s_by_car.items():
-            shifts[name][i] = _x_shift_to_s(state, name, float(s[i]))
+            shifts[name][i] = _x_shift_along_tangent_to_s(state, name, float(s[i]))
     return shifts
 
 
-def _x_shift_to_s(state: LineState, car_name: str, s: float) -> float:
+def _x_shift_along_tangent_to_s(state: LineState, car_name: str, s: float) -> float:
     """Distance in x [m] along the tangent ahead of a car from where it is to s."""
-    k = [station.name for station in state.case.stations].index(car_name)
+    k = station_index(state, car_name)
     level, down = state.ahead[k].tolist()
     N = float(np.hypot(level, down))
-    return state.case.thermal_stretch * (s - float(state.s[k])) * level * (1.0 / N + 1.0 / state.case.EA)
+    case = state.case
+    return case.thermal_stretch * (s - float(state.s[k])) * level * (1.0 / N + 1.0 / case.EA)

@@ -72,10 +72,11 @@ def _with_lazy_design_numbers(
     def of_finest(name: str) -> Callable[[Response], Any]:
         return lambda _: getattr(ladder().finest, name)
 
-    return r.with_lazy_fields(
-        **{name: of_finest(name) for name in ("path_error", "tension_error", "error_parts", "error_window", "flags")},
-        design=lambda _: design_numbers(ladder()), events=lambda _: events_with_bars(ladder()),
-    )  # fmt: skip
+    names = ("path_error", "tension_error", "error_parts", "error_window", "flags")
+    fields = {name: of_finest(name) for name in names}
+    fields["design"] = lambda _: design_numbers(ladder())
+    fields["events"] = lambda _: events_with_bars(ladder())
+    return r.with_lazy_fields(**fields)
 
 
 def rechecked_quasi_static_run(scene: Scene) -> Response:
@@ -87,7 +88,8 @@ def rechecked_quasi_static_run(scene: Scene) -> Response:
         rows.append(recomputed.quasi_static_energy_row(r))
     for row in rows:
         if row.verdict is not Verdict.AGREE:
-            r = with_flag(r, "recomputed", what=f"{row.quantity} {row.law}".strip(), gap=row.gap, allowed=row.allowed)
+            what = f"{row.quantity} {row.law}".strip()
+            r = with_flag(r, "recomputed", what=what, gap=row.gap, allowed=row.allowed)
     return r
 
 
@@ -107,11 +109,11 @@ def run_with_bars(
     run("zipline", tol=1e-3).design
     """
     options = {"model": model, "load": load, "law": law}
-    if refused := run_faults(scene, find_method(method), options, settings, tol):
-        raise ValueError("\n".join(refused))
+    solver = find_method(method)
+    if faults := run_faults(scene, solver, options, settings, tol):
+        raise ValueError("\n".join(faults))
     how = {"frames": frames, "until": until, **options, **settings}
-    answered = run_with_design_numbers(scene, find_method(method), tol=tol, bars=bars, progress=no_progress, **how)
-    return answered.response
+    return run_with_design_numbers(scene, solver, tol=tol, bars=bars, progress=no_progress, **how).response
 
 
 def run_faults(
@@ -127,9 +129,8 @@ def run_faults(
         if method.wrong:
             faults.append(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
         chosen = method.resolution.setting, "steps"
-        faults += [
-            f"{key} and tol exclude each other: tol chooses {' and '.join(chosen)}" for key in settings if key in chosen
-        ]
+        choice = f"tol chooses {' and '.join(chosen)}"
+        faults += [f"{key} and tol exclude each other: {choice}" for key in settings if key in chosen]
     try:
         method.complete_settings(settings)
         if not faults:

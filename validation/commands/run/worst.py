@@ -25,7 +25,7 @@ def with_extreme_car_positions(line: Line) -> Line:
         if not vertices:
             break
         positions.solve_at(vertices)
-    return positions.line_at([*first, *positions.positions_of_extreme_numbers()])
+    return positions.line_with_car_at([*first, *positions.positions_of_extreme_numbers()])
 
 
 def _positions_to_try_first(line: Line) -> Iterator[float]:
@@ -54,12 +54,12 @@ class _NumbersByCarPosition:
         self.key = key
         self.rows: dict[float, Row] = {}
 
-    def line_at(self, positions: list[float]) -> Line:
+    def line_with_car_at(self, positions: list[float]) -> Line:
         return self.line.replace({self.key: sorted(set(positions))})
 
     def solve_at(self, positions: list[float]) -> None:
-        """Compute and store the numbers at these positions."""
-        rest = self.line_at(positions).solve_at_rest(catenary_line.solve)
+        """Compute the numbers at these positions, and store them in `rows`."""
+        rest = self.line_with_car_at(positions).solve_at_rest(catenary_line.solve)
         for x, row in zip(sorted(set(positions)), numbers_by_position(rest), strict=True):
             self.rows[x] = row or {}
 
