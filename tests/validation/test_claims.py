@@ -1,6 +1,7 @@
 """Verdicts follow from numbers; the paper's claims come out as its own errors make them; stored runs are used again."""
 
 import dataclasses
+import inspect
 import math
 import re
 from pathlib import Path
@@ -36,10 +37,17 @@ def claim_quantity(value, bar=0.0, paper=None, **entry):
     return found
 
 
-def test_sentences_ask_for_measures_that_there_are():
-    asked = set(re.findall(r"\bm\.(\w+)", (Path(measured.__file__).parent / "claims.toml").read_text()))
-    assert asked
-    assert asked <= set(dir(measured))
+def test_sentences_call_measures_that_there_are_with_arguments_they_take():
+    text = (Path(measured.__file__).parent / "claims.toml").read_text(encoding="utf-8")
+    called = []
+    for quoted in re.findall(r'"([^"]*\bm\.[^"]*)"', text):
+        template = quoted if "{{" in quoted else f"{{{{ {quoted} }}}}"
+        for call in jinja2.Environment().parse(template).find_all(jinja2.nodes.Call):
+            if getattr(getattr(call.node, "node", None), "name", "") == "m":
+                called.append(call.node.attr)
+                keywords = {argument.key: argument.value for argument in call.kwargs}
+                inspect.signature(getattr(measured, call.node.attr)).bind(*call.args, **keywords)
+    assert sorted(called) == sorted(re.findall(r"\bm\.(\w+)\(", text))
 
 
 # --- rules ----------------------------------------------------------------------------------------------------------
