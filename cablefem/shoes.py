@@ -36,14 +36,19 @@ class Passage(NamedTuple):
     def distance_to_go(self, x: float, dx: float) -> float:
         """[m] from x with the velocity dx to this passage; inf: not that way."""
         shoe = self.saddle.shoe or 0.0
-        way = x - self.saddle.point[0]
-        if self.action == "takes the rope behind":
-            return TIP * shoe - math.copysign(way, way * dx)
-        outwards = self.action == "leaves the shoe of"
-        to_go = abs(way) - (shoe if self.action == "lands on the shoe of" else TIP * shoe)
-        if outwards:
-            to_go = shoe - abs(way)
-        return to_go if to_go > 0.0 or way * dx * (1.0 if outwards else -1.0) > 0.0 else math.inf
+        offset = x - self.saddle.point[0]
+        outwards = offset * dx  # > 0: away from the saddle
+        match self.action:
+            case "takes the rope behind":
+                return TIP * shoe - math.copysign(offset, offset * dx)
+            case "lands on the shoe of":
+                to_go = abs(offset) - shoe
+            case "leaves the rope at":
+                to_go = abs(offset) - TIP * shoe
+            case "leaves the shoe of":
+                to_go = shoe - abs(offset)
+                outwards = -outwards
+        return to_go if to_go > 0.0 or outwards < 0.0 else math.inf
 
 
 class LineSnapshot(NamedTuple):
@@ -54,16 +59,21 @@ class LineSnapshot(NamedTuple):
     points: dict[str, Array]  # with rates (3, 2)
     rope: Callable[[float], Array]  # r, r' and the velocity at fixed s (3, 2), of s
 
+    def rope_tangent_beside(self, contact: str, side: float) -> Array:
+        """r' (2,) on one side of a contact or car: 1 ahead of it, -1 behind."""
+        return self.rope(self.s[contact] + side * BESIDE)[1]
+
 
 def line_snapshot(
     line: MovingLine, points: Array, s: Array, points_off_rope: dict[str, Array], rope: Callable[[float], Array]
 ) -> LineSnapshot:
     """From points (3, contacts, 2) and s (3, contacts) of all contacts, and points (3, 2) of cars off the rope."""
     names = [c.name for c in line.contacts_and_wheels]
-    at, rates = (dict(zip(names, values, strict=True)) for values in s[:2].tolist())
-    by_name = dict(zip(names, points.swapaxes(0, 1), strict=True))
-    at |= {car.name: at[car.rail.saddle] for car in line.cars_off_rope if car.rail is not None}
-    return LineSnapshot(at, rates, by_name | points_off_rope, rope)
+    s_by_name = dict(zip(names, s[0].tolist(), strict=True))
+    ds_by_name = dict(zip(names, s[1].tolist(), strict=True))
+    points_by_name = dict(zip(names, points.swapaxes(0, 1), strict=True))
+    s_by_name |= {car.name: s_by_name[car.rail.saddle] for car in line.cars_off_rope if car.rail is not None}
+    return LineSnapshot(s_by_name, ds_by_name, points_by_name | points_off_rope, rope)
 
 
 def possible_passages(line: MovingLine) -> tuple[Passage, ...]:
@@ -101,73 +111,128 @@ def line_and_snapshot_after_passage(
 ) -> tuple[MovingLine, LineSnapshot]:
     """The line after a passage, and the snapshot with the point of the rope that the car takes, if it does."""
     car = next(c for c in (*line.cars_on_rope, *line.cars_off_rope) if c.name == passage.car)
+    if passage.action == "takes the rope behind":
+        snapshot = _snapshot_with_rope_point_below(line, car, t, phase, snapshot)
+    at_shoe = _CarAtShoe(line, car, passage.saddle, t, snapshot)
     match passage.action:
         case "lands on the shoe of":
-            return _line_after_landing(line, car, passage.saddle, t, snapshot), snapshot
+            return at_shoe.line_after_landing(), snapshot
         case "leaves the rope at":
-            return _line_after_rope_left(line, car, passage.saddle, snapshot), snapshot
-        case "leaves the shoe of":
-            return _line_with_car_on_rail(line, car, None), snapshot
+            return at_shoe.line_after_rope_left(), snapshot
         case "takes the rope behind":
-            snapshot = _snapshot_with_rope_point_below(line, car, t, phase, snapshot)
-            return _line_after_rope_taken(line, car, passage.saddle, t, snapshot), snapshot
+            return at_shoe.line_after_rope_taken(), snapshot
+        case "leaves the shoe of":
+            return at_shoe.line_with_car_on_rail(None), snapshot
 
 
-def _line_with_car_on_rail(line: MovingLine, car: Car, rail: Rail | None) -> MovingLine:
-    """The line with that car of its contacts on this rail, or on none."""
-    contacts = tuple(replace(car, rail=rail) if contact is car else contact for contact in line.contacts)
-    return replace(line, contacts=contacts)
+class _CarAtShoe(NamedTuple):
+    """A car at a passage, and what the line is after it."""
 
+    line: MovingLine  # before
+    car: Car
+    saddle: Contact
+    t: float
+    snapshot: LineSnapshot
 
-def _side_of_saddle(car: Car, saddle: Contact, snapshot: LineSnapshot) -> float:
-    """1 where the car is to the right of the saddle, else -1."""
-    return math.copysign(1.0, float(snapshot.points[car.name][0, 0]) - saddle.point[0])
+    @property
+    def side(self) -> float:
+        """1 where the car is to the right of the saddle, else -1."""
+        x, _ = self.snapshot.points[self.car.name][0].tolist()
+        return math.copysign(1.0, x - self.saddle.point[0])
 
+    def line_with_car_on_rail(self, rail: Rail | None) -> MovingLine:
+        """The line with the car, on the rope, on this rail, or on none."""
+        moved = replace(self.car, rail=rail)
+        contacts = tuple(moved if contact is self.car else contact for contact in self.line.contacts)
+        return replace(self.line, contacts=contacts)
 
-def _line_after_landing(line: MovingLine, car: Car, saddle: Contact, t: float, snapshot: LineSnapshot) -> MovingLine:
-    """The line with the car on a rail, from its path on the rope to the slope of the rope beside it."""
-    if any(c.rail is not None and c.rail.saddle == saddle.name for c in (*line.cars_on_rope, *line.cars_off_rope)):
-        raise StepFailure(t, f"two cars on the shoe of {saddle.name}", "let one follow later")
-    (x, y), velocity, acceleration = snapshot.points[car.name].tolist()
-    slope = velocity[1] / velocity[0]
-    bend = (acceleration[1] - slope * acceleration[0]) / velocity[0] ** 2
-    side = _side_of_saddle(car, saddle, snapshot)
-    tangent = snapshot.rope(snapshot.s[car.name] + side * BESIDE)[1]
-    end = _straight_rail_end(saddle, side, tangent)
-    return _line_with_car_on_rail(line, car, Rail(saddle.name, RailEnd(x, y, slope, bend), end))
+    def line_after_landing(self) -> MovingLine:
+        """The line with the car on a rail, from its path on the rope to the slope of the rope beside it."""
+        cars = (*self.line.cars_on_rope, *self.line.cars_off_rope)
+        if any(c.rail is not None and c.rail.saddle == self.saddle.name for c in cars):
+            raise StepFailure(self.t, f"two cars on the shoe of {self.saddle.name}", "let one follow later")
+        (x, y), velocity, acceleration = self.snapshot.points[self.car.name].tolist()
+        slope = velocity[1] / velocity[0]
+        bend = (acceleration[1] - slope * acceleration[0]) / velocity[0] ** 2
+        tangent = self.snapshot.rope_tangent_beside(self.car.name, self.side)
+        begin = RailEnd(x, y, slope, bend)
+        return self.line_with_car_on_rail(Rail(self.saddle.name, begin, self._straight_rail_end(self.side, tangent)))
 
+    def line_after_rope_left(self) -> MovingLine:
+        """The line with the car off the rope, on a rail over the saddle to as far behind it."""
+        snapshot = self.snapshot
+        car = self.car.name
+        saddle = self.saddle.name
+        (x, y), velocity, _ = snapshot.points[car].tolist()
+        begin = RailEnd(x, y, velocity[1] / velocity[0])
+        behind = -self.side
+        end = self._straight_rail_end(behind, snapshot.rope_tangent_beside(saddle, behind))
+        rope_speed = abs(snapshot.ds[car] - snapshot.ds[saddle])
+        stretch = float(np.hypot(*velocity)) / rope_speed
+        rail = Rail(saddle, begin, end, snapshot.s[car] - snapshot.s[saddle], stretch)
+        contacts = tuple(contact for contact in self.line.contacts if contact is not self.car)
+        off_rope = (*self.line.cars_off_rope, replace(self.car, rail=rail))
+        return replace(self.line, contacts=contacts, cars_off_rope=off_rope)
 
-def _line_after_rope_left(line: MovingLine, car: Car, saddle: Contact, snapshot: LineSnapshot) -> MovingLine:
-    """The line with the car over it, on a rail over the saddle to as far behind it."""
-    (x, y), velocity, _ = snapshot.points[car.name].tolist()
-    side = _side_of_saddle(car, saddle, snapshot)
-    tangent = snapshot.rope(snapshot.s[saddle.name] - side * BESIDE)[1]
-    end = _straight_rail_end(saddle, -side, tangent)
-    stretch = float(np.hypot(*velocity)) / abs(snapshot.ds[car.name] - snapshot.ds[saddle.name])
-    begin = RailEnd(x, y, velocity[1] / velocity[0])
-    rail = Rail(saddle.name, begin, end, snapshot.s[car.name] - snapshot.s[saddle.name], stretch)
-    contacts = tuple(contact for contact in line.contacts if contact is not car)
-    return replace(line, contacts=contacts, cars_off_rope=(*line.cars_off_rope, replace(car, rail=rail)))
+    def line_after_rope_taken(self) -> MovingLine:
+        """The line with the car on the rope again, on a rail to the end of the shoe."""
+        x, y = self.snapshot.points[self.car.name][0]
+        _, (r_x, r_y), _ = self.snapshot.rope(self.snapshot.s[self.car.name])
+        rail = Rail(self.saddle.name, RailEnd(x, y, r_y / r_x), self._rail_end_on_load_path())
+        contacts = list(self.line.contacts)
+        contacts.insert(contacts.index(self.saddle) + (self.side > 0.0), replace(self.car, rail=rail))
+        off_rope = tuple(c for c in self.line.cars_off_rope if c is not self.car)
+        return replace(self.line, contacts=tuple(contacts), cars_off_rope=off_rope)
 
+    def _straight_rail_end(self, side: float, tangent: Array) -> RailEnd:
+        """The end at the tip of the shoe on a side, on a straight line of this tangent r' through the saddle."""
+        slope = tangent[1] / tangent[0]
+        away = side * TIP * (self.saddle.shoe or 0.0)
+        x, y = self.saddle.point
+        return RailEnd(x + away, y + away * slope, slope)
 
-def _line_after_rope_taken(line: MovingLine, car: Car, saddle: Contact, t: float, snapshot: LineSnapshot) -> MovingLine:
-    """The line with a car from over it on the rope again, on a rail to the end of the shoe."""
-    side = _side_of_saddle(car, saddle, snapshot)
-    x, y = snapshot.points[car.name][0]
-    r_x, r_y = snapshot.rope(snapshot.s[car.name])[1]
-    rail = Rail(saddle.name, RailEnd(x, y, r_y / r_x), _rail_end_on_load_path(line, car, saddle, side, t, snapshot))
-    contacts = list(line.contacts)
-    contacts.insert(contacts.index(saddle) + (side > 0.0), replace(car, rail=rail))
-    off_rope = tuple(c for c in line.cars_off_rope if c is not car)
-    return replace(line, contacts=tuple(contacts), cars_off_rope=off_rope)
+    def _rail_end_on_load_path(self) -> RailEnd:
+        """The end of the shoe on the path of the car at rest, in that one span between anchors at their present s."""
+        span, length = self._span_ahead()
+        shoe = self.saddle.shoe or 0.0
+        step = 0.25 * shoe
+        at = self.saddle.point[0] + self.side * shoe + step * np.array([-1.0, 0.0, 1.0])
+        line = self.line
+        cases = []
+        for x in at.tolist():
+            stations = tuple(sorted([*span, self.car.station_at(x, line.gravity)], key=lambda p: p.x))
+            cases.append(Case(stations, line.weight_per_length, line.rope.EA, length=length))
+        assert line.solve is not None
+        before, y, after = map(self._car_depth_at_rest, line.solve(cases))
+        slope = (after - before) / (2.0 * step)
+        bend = (after - 2.0 * y + before) / step**2
+        return RailEnd(float(at[1]), y, slope, bend)
 
+    def _span_ahead(self) -> tuple[list[Station], float]:
+        """Saddle, cars and next contact of the span on the side of the car, and the length [m] of its rope."""
+        contacts = self.line.contacts
+        k = contacts.index(self.saddle)
+        others = contacts[k + 1 :] if self.side > 0.0 else contacts[k - 1 :: -1]
+        stations: list[Station] = []
+        for contact in (self.saddle, *others):
+            name = contact.name if contact.name in self.snapshot.points else f"{contact.name}.front"
+            x, y = self.snapshot.points[name][0]
+            if isinstance(contact, Car):
+                stations.append(contact.station_at(x, self.line.gravity))
+                continue
+            stations.append(Station(contact.name, "anchor", x, y))
+            if contact is not self.saddle:
+                break
+        return stations, abs(self.snapshot.s[contact.name] - self.snapshot.s[self.saddle.name])
 
-def _straight_rail_end(saddle: Contact, side: float, tangent: Array) -> RailEnd:
-    """The end of a rail at the tip of the shoe on a side, on a straight line of this tangent r' through the saddle."""
-    slope = tangent[1] / tangent[0]
-    away = side * TIP * (saddle.shoe or 0.0)
-    x, y = saddle.point
-    return RailEnd(x + away, y + away * slope, slope)
+    def _car_depth_at_rest(self, state: LineState | NoLineAtRest) -> float:
+        """Depth [m] of the car in a state of rest; StepFailure where there is none."""
+        car = self.car.name
+        if not isinstance(state, LineState):
+            cause = f"no path of {car} behind {self.saddle.name}: {state}"
+            raise StepFailure(self.t, cause, "give more rope or less load")
+        names = [p.name for p in state.case.stations]
+        return float(state.points[names.index(car), 1])
 
 
 def _snapshot_with_rope_point_below(
@@ -175,62 +240,28 @@ def _snapshot_with_rope_point_below(
 ) -> LineSnapshot:
     """The snapshot with s and the point of the rope below a car off the rope, with their rates."""
     position, speed, _ = line.prescribed_position_with_rates(car, t, phase)
+    assert car.rail is not None
+    saddle = car.rail.saddle
     if car.along == "s":
-        s, ds = position, speed
-        r, along, w = snapshot.rope(s)
+        s = position
+        ds = speed
+        r, tangent, w = snapshot.rope(s)
         # the grip has acted on the saddle: the rope up to the car takes the stretch of its other side
-        at = snapshot.s["" if car.rail is None else car.rail.saddle]
-        behind, ahead = (np.hypot(*snapshot.rope(at + side * BESIDE)[1]) for side in (-1.0, 1.0))
-        r = r + (behind - ahead) * abs(s - at) * along / np.hypot(*along)
+        behind, ahead = (np.hypot(*snapshot.rope_tangent_beside(saddle, side)) for side in (-1.0, 1.0))
+        r = r + (behind - ahead) * abs(s - snapshot.s[saddle]) * tangent / np.hypot(*tangent)
     else:
         s = snapshot.s[car.name]
         for _ in range(8):  # to find the rope below a car
-            r, along, w = snapshot.rope(s)
-            s += (position - r[0]) / along[0]
-        ds = (speed - w[0]) / along[0]
+            r, tangent, w = snapshot.rope(s)
+            s += (position - r[0]) / tangent[0]
+        ds = (speed - w[0]) / tangent[0]
         r = np.array([position, r[1]])
+    point_with_rates = np.array([r, w + ds * tangent, 0.0 * r])
     return snapshot._replace(
         s=snapshot.s | {car.name: s},
         ds=snapshot.ds | {car.name: ds},
-        points=snapshot.points | {car.name: np.array([r, w + ds * along, 0.0 * r])},
+        points=snapshot.points | {car.name: point_with_rates},
     )
-
-
-def _rail_end_on_load_path(
-    line: MovingLine, car: Car, saddle: Contact, side: float, t: float, snapshot: LineSnapshot
-) -> RailEnd:
-    """The end of the shoe on the path of the car at rest, in that one span between anchors at their present s."""
-    k = line.contacts.index(saddle)
-    others = line.contacts[k + 1 :] if side > 0.0 else line.contacts[k - 1 :: -1]
-    span: list[Station] = []
-    for contact in (saddle, *others):
-        name = contact.name if contact.name in snapshot.points else f"{contact.name}.front"
-        x, y = snapshot.points[name][0]
-        if isinstance(contact, Car):
-            span.append(contact.station_at(x, line.gravity))
-            continue
-        span.append(Station(contact.name, "anchor", x, y))
-        if contact is not saddle:
-            break
-    length = abs(snapshot.s[contact.name] - snapshot.s[saddle.name])
-    shoe = saddle.shoe or 0.0
-    step = 0.25 * shoe
-    at = saddle.point[0] + side * shoe + step * np.array([-1.0, 0.0, 1.0])
-    cases = []
-    for x in at.tolist():
-        stations = tuple(sorted([*span, car.station_at(x, line.gravity)], key=lambda p: p.x))
-        cases.append(Case(stations, line.weight_per_length, line.rope.EA, length=length))
-    assert line.solve is not None
-    before, y, after = (_car_depth_at_rest(car, saddle, state, t) for state in line.solve(cases))
-    return RailEnd(float(at[1]), y, (after - before) / (2.0 * step), (after - 2.0 * y + before) / step**2)
-
-
-def _car_depth_at_rest(car: Car, saddle: Contact, state: LineState | NoLineAtRest, t: float) -> float:
-    """Depth [m] of the car in a state of rest; StepFailure where there is none."""
-    if not isinstance(state, LineState):
-        raise StepFailure(t, f"no path of {car.name} behind {saddle.name}: {state}", "give more rope or less load")
-    names = [p.name for p in state.case.stations]
-    return float(state.points[names.index(car.name), 1])
 
 
 class OffRopeState(NamedTuple):
@@ -247,30 +278,31 @@ def off_rope_motion_and_powers(
 ) -> tuple[CarMotion, dict[str, Array]]:
     """Motion of a car off the rope, driven along its rail, and its powers, named as in `LineMotion`."""
     assert car.rail is not None
-    name, near = car.name, car.rail.saddle
-    saddle = next(c for c in contacts if c.name == near)
+    saddle = next(c for c in contacts if c.name == car.rail.saddle)
     point, velocity, acceleration = off_rope.points.swapaxes(0, 1)
     normal = downward_normals(car.rail, point[:, 0])
-    tangent = normal[:, ::-1] * np.array([1.0, -1.0])
-    along, pressing = (np.sum(off_rope.force * axis, axis=1) for axis in (tangent, -normal))
+    tangent = _tangents_of(normal)
+    force_along = np.sum(off_rope.force * tangent, axis=1)
+    pressing = np.sum(off_rope.force * -normal, axis=1)
     speed = np.sum(velocity * tangent, axis=1)
     none = np.full(len(states), np.nan)
-    s, ds, stretch = saddle.s + point[:, 0] - saddle.point[:, 0], speed, 1.0
-    powers = {f"{name} {cause}": power for cause, power in off_rope.powers.items()}
     grips = car.drive.mode == "grip"
     if grips:
         s, ds, _ = np.array([line.prescribed_position_with_rates(car, x.t, x.phase) for x in states]).T
-        stretch = car.rail.stretch
-        powers[f"{name} grip"] = stretch * along * ds
+        slope = car.rail.stretch * tangent
+        powers = {"grip": car.rail.stretch * force_along * ds}
     else:
-        powers |= {f"{name} haul": along * speed, f"{name} friction": 0.0 * speed}
+        s = saddle.s + point[:, 0] - saddle.point[:, 0]
+        ds = speed
+        slope = tangent
+        powers = {"haul": force_along * speed, "friction": 0.0 * speed}
     motion = CarMotion(
-        name=name, s=s, ds=ds, point=point, velocity=velocity, acceleration=acceleration,
-        tension_behind=saddle.tension_behind, tension_ahead=saddle.tension_ahead, slope_behind=stretch * tangent,
-        slope_ahead=stretch * tangent, haul_force=none if grips else along, grip_force=along if grips else none,
+        name=car.name, s=s, ds=ds, point=point, velocity=velocity, acceleration=acceleration,
+        tension_behind=saddle.tension_behind, tension_ahead=saddle.tension_ahead, slope_behind=slope,
+        slope_ahead=slope, haul_force=none if grips else force_along, grip_force=force_along if grips else none,
         contact_force=pressing, shoe_force=pressing, turning=off_rope.turning,
     )  # fmt: skip
-    return motion, powers
+    return motion, {f"{car.name} {cause}": power for cause, power in (off_rope.powers | powers).items()}
 
 
 def downward_normals(rail: Rail, x: Array) -> Array:
@@ -279,18 +311,23 @@ def downward_normals(rail: Rail, x: Array) -> Array:
     return np.stack([-slope, np.ones_like(slope)], axis=1) / np.hypot(1.0, slope)[:, None]
 
 
+def _tangents_of(downward_normals: Array) -> Array:
+    """Tangents (n, 2) to the right, from normals downwards."""
+    return downward_normals[:, ::-1] * np.array([1.0, -1.0])
+
+
 def contacts_with_shoe_forces(
     line: MovingLine, cars: tuple[CarMotion, ...], contacts: tuple[ContactMotion, ...]
 ) -> tuple[ContactMotion, ...]:  # fmt: skip
     """The contacts with what cars put on their shoes."""
     rails = {car.name: car.rail for car in (*line.cars_on_rope, *line.cars_off_rope)}
-    off = [car.name for car in line.cars_off_rope]
+    off_rope = [car.name for car in line.cars_off_rope]
     for car in cars:
         rail = rails[car.name]
         if rail is not None:
             normal = downward_normals(rail, car.point[:, 0])
             force = car.shoe_force[:, None] * normal
-            if car.name in off:  # its grip acts on the rope on the saddle
-                force -= np.nan_to_num(car.grip_force)[:, None] * normal[:, ::-1] * np.array([1.0, -1.0])
+            if car.name in off_rope:  # its grip acts on the rope on the saddle
+                force -= np.nan_to_num(car.grip_force)[:, None] * _tangents_of(normal)
             contacts = tuple(replace(c, pressure=c.pressure + force * (c.name == rail.saddle)) for c in contacts)
     return contacts
