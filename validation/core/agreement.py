@@ -111,14 +111,15 @@ class Agreement:
         bars: list[float | None] = [None, None]
         if self.bound.kind in ("error bars", "law"):
             bars = [*(part.value for part in self.bound.parts), *bars]
-        more = {"law": self.law, "with": self.third_party, "notes": self.bound.notes, "unit": self.unit}
-        return nulls_for_nonfinite({
+        row = {
             "quantity": self.quantity, "gap": self.gap, "allowed": self.allowed, "bar_a": bars[0], "bar_b": bars[1],
             "asked_for": self.required, "asked": self.decides,
             "verdict": self.verdict.value if self.decides else None, "where": self.where,
             "allowed_because": self.allowed_because,
-            **{k: v for k, v in more.items() if v},
-        })  # fmt: skip
+        }  # fmt: skip
+        more = {"law": self.law, "with": self.third_party, "notes": self.bound.notes, "unit": self.unit}
+        row |= {name: value for name, value in more.items() if value}
+        return nulls_for_nonfinite(row)
 
 
 def worst_deciding_verdict(rows: list[Agreement]) -> Verdict:

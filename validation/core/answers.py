@@ -1,6 +1,7 @@
 """How a run ends, and where the rope hangs.  Depths are in metres below the left support."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -175,19 +176,23 @@ def profile_columns(r: Response) -> dict[str, Array]:
     rest = np.interp(x, f.x, f.y)
     depth = [rest]
     tension = [np.interp(x, f.x, f.T_static)]
-    for t, x_cable, y, T in zip(f.t, *rope_and_mass_at_frames(r), strict=True):
-        if t > end:
-            break
-        depth.append(np.interp(x, x_cable, y))
-        tension.append(np.interp(x, x_cable, T))
+    rope = rope_and_mass_at_frames(r)
+    for k in range(np.searchsorted(f.t, end, side="right")):
+        depth.append(np.interp(x, rope.x[k], rope.y[k]))
+        tension.append(np.interp(x, rope.x[k], rope.tension[k]))
     lowest = np.max(depth, axis=0)
     for x_car, y_car in _path_pieces_sorted_in_x(r, end):  # between frames the car is the lowest point nearby
         inside = (x >= x_car[0]) & (x <= x_car[-1])
-        lowest[inside] = np.maximum(lowest[inside], np.interp(x[inside], x_car, y_car))
+        y = np.interp(x[inside], x_car, y_car)
+        lowest[inside] = np.maximum(lowest[inside], y)
     return {
-        "x": x, "y_rest": rest, "y_highest": np.min(depth, axis=0), "y_lowest": lowest,
-        "tension_max": np.max(tension, axis=0), "tension_min": np.min(tension, axis=0),
-    }  # fmt: skip
+        "x": x,
+        "y_rest": rest,
+        "y_highest": np.min(depth, axis=0),
+        "y_lowest": lowest,
+        "tension_max": np.max(tension, axis=0),
+        "tension_min": np.min(tension, axis=0),
+    }
 
 
 def write_summary_and_profile(folder: Path, scene: Scene, r: Response) -> None:
@@ -202,10 +207,13 @@ def write_summary_and_profile(folder: Path, scene: Scene, r: Response) -> None:
     write_csv(folder / "profile.csv", ",".join(columns), np.stack(list(columns.values()), axis=1))
 
 
-def _path_pieces_sorted_in_x(r: Response, until: float) -> list[tuple[Array, Array]]:
+def _path_pieces_sorted_in_x(r: Response, end_time: float) -> Iterator[tuple[Array, Array]]:
     """Points x, y of the car up to a time [s], in pieces between its turns, each in order of rising x."""
-    x = r.x[r.t <= until]
-    y = r.y[r.t <= until]
-    turns = np.flatnonzero(np.diff(np.sign(np.diff(x))) != 0) + 1
-    pieces = zip(np.split(x, turns), np.split(y, turns), strict=True)
-    return [(x, y) if x[-1] > x[0] else (x[::-1], y[::-1]) for x, y in pieces if x.size > 1]
+    x = r.x[r.t <= end_time]
+    y = r.y[r.t <= end_time]
+    directions = np.sign(np.diff(x))
+    turns = np.flatnonzero(np.diff(directions) != 0) + 1
+    for x_piece, y_piece in zip(np.split(x, turns), np.split(y, turns), strict=True):
+        if x_piece.size > 1:
+            rising = x_piece[-1] > x_piece[0]
+            yield (x_piece, y_piece) if rising else (x_piece[::-1], y_piece[::-1])

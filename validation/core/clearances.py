@@ -23,16 +23,19 @@ def rope_and_mass_at_frames(r: Response) -> RopeFrames:
     from scipy.interpolate import CubicSpline  # slow to load
 
     f = r.fields
-    x = f.x + f.u
-    y = f.y + f.v
     # between two stations the rope at rest is a cubic: a chord would lift the mass off a deep rope
     rest_curve = CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
     mass = rest_curve(f.s_o) + np.stack([f.mass_u, f.mass_v], axis=1)  # (k, 2)
-    at_mass = np.fmax(f.T_behind, f.T_ahead)
-    s = np.concatenate([np.broadcast_to(f.s, x.shape), f.s_o[:, None]], axis=1)
+    s = np.c_[np.broadcast_to(f.s, f.u.shape), f.s_o]
     order = np.argsort(s, axis=1, kind="stable")
-    unsorted = (np.c_[x, mass[:, 0]], np.c_[y, mass[:, 1]], np.c_[f.T, at_mass])
-    return RopeFrames(*(np.take_along_axis(part, order, axis=1) for part in unsorted))
+
+    def with_mass(of_rope: Array, of_mass: Array) -> Array:
+        """(k, m + 1), in order of s."""
+        return np.take_along_axis(np.c_[of_rope, of_mass], order, axis=1)
+
+    x = with_mass(f.x + f.u, mass[:, 0])
+    y = with_mass(f.y + f.v, mass[:, 1])
+    return RopeFrames(x, y, with_mass(f.T, np.fmax(f.T_behind, f.T_ahead)))
 
 
 class Track(NamedTuple):
@@ -82,7 +85,8 @@ def _rope_height_at_car(r: Response, ground: Array) -> Track:
     depth_of_ground = np.interp(r.x[over], *ground.T)
     parts = [(r.t[over], depth_of_ground - r.y[over], r.s_o[over])]
     for x, depth in ground:
-        i = np.flatnonzero((r.x[:-1] < x) != (r.x[1:] < x))  # steps before the car passes x
+        is_left = r.x < x
+        i = np.flatnonzero(is_left[:-1] != is_left[1:])  # steps before the car passes x
         w = (x - r.x[i]) / (r.x[i + 1] - r.x[i])
         t, y, s_o = (series[i] + w * (series[i + 1] - series[i]) for series in (r.t, r.y, r.s_o))
         parts.append((t, depth - y, s_o))
@@ -93,13 +97,15 @@ def _min_rope_height_at_frames(r: Response, rope: RopeFrames, ground: Array) -> 
     """Smallest height of the rope over the ground at each frame; nan where there is no ground below it."""
     heights = np.full(len(rope.x), np.nan)
     s = np.full(len(rope.x), np.nan)
+    x_ground, depth = ground.T
     for k, (x_rope, y_rope) in enumerate(zip(rope.x, rope.y, strict=True)):
-        corners = np.union1d(x_rope, ground[:, 0])
-        begin = max(x_rope[0], ground[0, 0])
-        end = min(x_rope[-1], ground[-1, 0])
+        corners = np.union1d(x_rope, x_ground)
+        begin = max(x_rope[0], x_ground[0])
+        end = min(x_rope[-1], x_ground[-1])
         x = corners[(corners >= begin) & (corners <= end)]
         if x.size:
-            height = np.interp(x, *ground.T) - np.interp(x, x_rope, y_rope)
-            heights[k] = height.min()
-            s[k] = np.interp(x[height.argmin()], r.fields.x, r.fields.s)
+            height = np.interp(x, x_ground, depth) - np.interp(x, x_rope, y_rope)
+            lowest = height.argmin()
+            heights[k] = height[lowest]
+            s[k] = np.interp(x[lowest], r.fields.x, r.fields.s)
     return Track(r.fields.t, heights, s)

@@ -21,8 +21,8 @@ class DimensionlessPath(NamedTuple):
 
 
 def compute_dimensionless_path(
-    groups: Groups, method_name: str, settings: dict[str, Any], *, model: str = "straight", load: str = "mass",
-    until: float, starts_on_cable: bool = False,
+    groups: Groups, method_name: str, settings: dict[str, Any], *, model: str, load: str, until: float,
+    starts_on_cable: bool,
 ) -> DimensionlessPath:  # fmt: skip
     """Run a method on groups up to s_o = until; v is nan if the run failed.
 

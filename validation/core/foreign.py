@@ -16,6 +16,7 @@ import csv
 import math
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from typing import Any, Self
 
@@ -81,12 +82,12 @@ class ForeignPath(MassPath):
         return cls.from_columns(Path(file).name, scene, *_read_known_columns(Path(file), scene))
 
     @classmethod
-    def from_columns(cls, name: str, scene: Scene, columns: dict[str, Array], rows: Sequence[str] = ()) -> Self:
-        """The path with these columns (n,); `rows` are named in faults.  Raises Refused for what is no path."""
+    def from_columns(cls, name: str, scene: Scene, columns: dict[str, Array], row_names: Sequence[str] = ()) -> Self:
+        """The path with these columns (n,); faults name their rows.  Raises Refused for what is no path."""
         __tracebackhide__ = True
-        rows = rows or [f"row {i}" for i in range(len(next(iter(columns.values()))))]
+        row_names = row_names or [f"row {i}" for i in range(len(next(iter(columns.values()))))]
         try:
-            completed = _completed_columns(scene, columns, rows)
+            completed = _completed_columns(scene, columns, row_names)
             return cls(method=name, length=scene.length, drive=scene.drive.mode, columns=columns, **completed)
         except Refused as fault:
             raise Refused(f"{name}: {fault}") from None
@@ -132,15 +133,15 @@ def _read_known_columns(file: Path, scene: Scene) -> tuple[dict[str, Array], lis
     known = _quantity_and_factor_by_column(scene.length)
     header, rows = _read_header_and_rows(file, known)
     columns_by_index = {i: known[name] for i, name in enumerate(header) if name in known}
-    faults = ["no rows below the names of the columns"] if not rows else _header_faults(header, columns_by_index, scene)
+    faults = _header_faults(header, columns_by_index, scene) if rows else ["no rows below the names of the columns"]
     faults = faults or list(_cell_faults(header, columns_by_index, rows))
     if faults:
         more = [f"and {len(faults) - 5} more cells like these"] if len(faults) > 5 else []
         raise Refused([f"{file.name}: {fault}" for fault in faults[:5] + more])
-    columns = {
-        quantity: factor * np.array([_float_or_nan(row[i]) for _, row in rows])
-        for i, (quantity, factor) in columns_by_index.items()
-    }
+    columns = {}
+    for i, (quantity, factor) in columns_by_index.items():
+        values = [_float_or_nan(row[i]) for _, row in rows]
+        columns[quantity] = factor * np.array(values)
     return columns, [f"line {n}" for n, _ in rows]
 
 
@@ -156,7 +157,8 @@ def _read_header_and_rows(file: Path, names: Container[str]) -> tuple[list[str],
         separator = max(",;\t", key=line.count)
         header = _split_cells(line.lstrip("# \t"), separator)
         if line[0] != "#" or any(name in names for name in header):  # a comment may hold the names
-            return header, [(n, _split_cells(row, separator)) for n, row in lines[i + 1 :] if row[0] != "#"]
+            rows = [(n, row) for n, row in lines[i + 1 :] if row[0] != "#"]
+            return header, [(n, _split_cells(row, separator)) for n, row in rows]
     raise Refused(f"{file.name}: the file is empty")
 
 
@@ -196,7 +198,8 @@ def _cell_faults(
             yield f"line {n}: {len(row)} cells under {len(header)} names of columns"
             continue
         for i, (quantity, _) in columns_by_index.items():
-            if not (math.isfinite(_float_or_nan(row[i])) or (quantity.startswith("T_") and not row[i])):
+            may_be_empty = quantity.startswith("T_")
+            if not (math.isfinite(_float_or_nan(row[i])) or (may_be_empty and not row[i])):
                 hint = " (a decimal comma? write a point)" if "," in row[i] else ""
                 yield f"line {n}: {header[i]} = {row[i]!r} is no number{hint}"
 
@@ -273,7 +276,8 @@ def _matched_to_travel(scene: Scene, motion: Motion, columns: dict[str, Array]) 
         x = {k: a[once] for k, a in x.items()}
     position = motion.position(x["t"] / tau)
     # the scene's mass stays at the end
-    off = np.abs(np.minimum(x.setdefault("s_o", l * position) / l, motion.end) - position)
+    s_o = x.setdefault("s_o", l * position)
+    off = np.abs(np.minimum(s_o / l, motion.end) - position)
     if "t" in columns and off.max() > TRAVEL_TOLERANCE:
         i = int(np.argmax(off))
         raise Refused(
@@ -284,9 +288,9 @@ def _matched_to_travel(scene: Scene, motion: Motion, columns: dict[str, Array]) 
     return {k: a[travelling] for k, a in x.items()}
 
 
-def _refuse_off_cable(s_o: Array, last: float, l: float) -> None:
+def _refuse_off_cable(s_o: Array, last_position: float, l: float) -> None:
     """Raise Refused for positions before the cable, or whose last one is before the window or off the cable."""
-    if s_o.min() < -TRAVEL_TOLERANCE * l or not WINDOW[0] < last / l <= 1.0 + TRAVEL_TOLERANCE:
+    if s_o.min() < -TRAVEL_TOLERANCE * l or not WINDOW[0] < last_position / l <= 1.0 + TRAVEL_TOLERANCE:
         raise Refused(f"s_o runs from {s_o[0]:.6g} to {s_o[-1]:.6g} m on a cable of {l:.6g} m; {_ENDINGS}")
 
 
@@ -312,7 +316,8 @@ def refuse_wrong_unit_or_direction(path: MassPath, ours: Response) -> None:
     try:
         window = _window_cut_to_path(path, measures.common_window(ours))
         off = {}
-        for factor in (sign * unit for unit in (1.0, 1e-3, 1e3, l, 1.0 / l) for sign in (1.0, -1.0)):
+        for unit, sign in product((1.0, 1e-3, 1e3, l, 1.0 / l), (1.0, -1.0)):
+            factor = sign * unit
             changed = replace(path, **{column: factor * getattr(path, column)})
             off[factor] = measures.relative_path_gap(with_zero_u_and_x(changed), with_zero_u_and_x(ours), window).rms
     except NotComparable:
@@ -327,7 +332,7 @@ def refuse_wrong_unit_or_direction(path: MassPath, ours: Response) -> None:
 
 
 def with_zero_u_and_x(r: Any) -> Any:
-    """A path with zero u, and zero x, to compare with one that lacks u."""
+    """A path with zero u and x, to compare with one that lacks u."""
     return replace(r, u=np.zeros_like(r.v), x=np.zeros_like(r.v))
 
 
@@ -374,42 +379,43 @@ def third_party_rows(
         yield Agreement("path_max", math.nan, no_bound(f"{other}: {reason}"), third_party=other)
         return
     covered = _partial_coverage_text(path, run, window)
-    rows = []
+    allowed = BoundPart(f"allowed to {other}", with_tol)
     for name, (distance, components) in _distances_by_quantity(path, run, part, of_path).items():
-        bars = (
-            BoundPart(run.method, ladder.bar(identity, distance), "its error bar"),
-            BoundPart(f"allowed to {other}", with_tol),
-        )
-        bound = Bound("our error bar", bars, f"of {components}")
+        bar = BoundPart(run.method, ladder.bar(identity, distance), "its error bar")
+        bound = Bound("our error bar", (bar, allowed), f"of {components}")
         if covered:
             bound = no_bound(f"{other} covers {covered}; there {bound.sum_or_nan:.2g} would be allowed")
-        rows.append(Agreement(name, distance(path, run), bound, where if name == "path_max" else None, other))
-    yield from rows
+        yield Agreement(name, distance(path, run), bound, where if name == "path_max" else None, other)
 
 
 def _distances_by_quantity(
     path: ForeignPath | Response, run: Response, part: Window, of_path: str
 ) -> dict[str, tuple[Distance, str]]:
     """Comparable quantities, path first: a distance of two answers, and its components, `of_path` of the path."""
-    distances: dict[str, tuple[Distance, str]] = {
-        "path_max": (lambda a, b: measures.relative_path_gap(a, b, part).largest, of_path),
-        "path_rms": (lambda a, b: measures.relative_path_gap(a, b, part).rms, of_path),
-    }
+    stop = find_event("stop", run.events)
+
+    def relative_speed(r: Any) -> Array:
+        """Unknown after a stop."""
+        rolling = True if stop is None else r.t <= stop["t"]
+        return np.where(rolling, r.speed, math.nan) / float(run.speed.max())
+
+    def path_max(a: Any, b: Any) -> float:
+        return measures.relative_path_gap(a, b, part).largest
+
+    def path_rms(a: Any, b: Any) -> float:
+        return measures.relative_path_gap(a, b, part).rms
+
+    def speed(a: Any, b: Any) -> float:
+        return measures.series_gap(a, b, part, relative_speed, largest=True)
+
+    def tension(a: Any, b: Any) -> float:
+        return mass_tension_rms_gap(a, b, part, run.horizontal_tension)
+
+    distances: dict[str, tuple[Distance, str]] = {"path_max": (path_max, of_path), "path_rms": (path_rms, of_path)}
     if run.drive == "free" and path.speed is not None:
-        stop = find_event("stop", run.events)
-        top = float(run.speed.max())
-        until = math.inf if stop is None else stop["t"]
-
-        def relative_speed(r: Any) -> Array:
-            return np.where(r.t <= until, r.speed, math.nan) / top
-
-        distances["speed"] = (
-            lambda a, b: measures.series_gap(a, b, part, relative_speed, largest=True),
-            "speed, of the largest",
-        )
+        distances["speed"] = speed, "speed, of the largest"
     if path.T_behind is not None and path.T_ahead is not None:
-        H = run.horizontal_tension
-        distances["tension"] = lambda a, b: mass_tension_rms_gap(a, b, part, H), "tension at the mass, both sides"
+        distances["tension"] = tension, "tension at the mass, both sides"
     return distances
 
 

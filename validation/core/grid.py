@@ -71,5 +71,9 @@ def split_scene_and_method_settings(
     point: dict[str, Any], keys_of_scene: Sequence[str]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Split a point into settings of the scene (dotted keys, or `keys_of_scene`) and of the method."""
-    scene = {key: value for key, value in point.items() if "." in key or key in keys_of_scene}
-    return scene, {key: value for key, value in point.items() if key not in scene}
+    scene: dict[str, Any] = {}
+    method: dict[str, Any] = {}
+    for key, value in point.items():
+        settings = scene if "." in key or key in keys_of_scene else method
+        settings[key] = value
+    return scene, method

@@ -91,10 +91,9 @@ class Ladder(Generic[Run]):
         self, functional: Functional, distance: Distance = max_distance, order: float = math.inf
     ) -> tuple[Any, Any]:
         """The parts of `bar`."""
-        return (
-            self.space.bar(self.finest, functional, distance, order),
-            self.time.bar(self.finest, functional, distance, order),
-        )
+        in_space = self.space.bar(self.finest, functional, distance, order)
+        in_time = self.time.bar(self.finest, functional, distance, order)
+        return in_space, in_time
 
     def bar(self, functional: Functional, distance: Distance = max_distance, order: float = math.inf) -> Any:
         """The error bar of a functional of the finest run.

@@ -47,13 +47,13 @@ def limit_rows(scene: Scene | Line, design: Sequence[Row], events: Sequence[Row]
     for rule in scene.limits.applicable_rules(values.span):
         words, side, unit, _ = DEMANDS[rule["demand"]]
         for value in values.values_for_rule(rule):
+            verdict = _limit_verdict(value, rule["limit"], side)
             row = {
                 "demand": words.format(value.subject), "source": rule["source"], "side": side, "limit": rule["limit"],
                 "value": None if math.isnan(value.value) else value.value,
-                "bar": value.bar if math.isfinite(value.bar) else None, "unit": unit,
-                "verdict": _limit_verdict(value, rule["limit"], side),
+                "bar": value.bar if math.isfinite(value.bar) else None, "unit": unit, "verdict": verdict,
             }  # fmt: skip
-            key = (rule["text"], row["demand"], row["verdict"])
+            key = (rule["text"], row["demand"], verdict)
             if row["value"] is not None or key not in open_rows:
                 out.append(row)
                 open_rows.add(key)

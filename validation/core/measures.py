@@ -71,7 +71,9 @@ def common_window(*responses: MassPath, window: Window | None = None) -> Window:
 
 def position_where_mass_outruns_waves(r: MassPath) -> float:
     """s_o/l from which waves are slower than the mass and steepen: no bar holds there.  Infinite: nowhere."""
-    if not isinstance(r, Response) or (r.method in METHODS and not METHODS[r.method].resolves_waves):
+    if not isinstance(r, Response):
+        return math.inf
+    if r.method in METHODS and not METHODS[r.method].resolves_waves:
         return math.inf  # without a look at flags, which observes the run
     onsets = [float(flag.numbers["since"]) for flag in r.flags if flag.kind == "slow waves"]
     return min(onsets, default=math.inf)
@@ -131,12 +133,12 @@ def relative_path_distances(a: MassPath, b: MassPath, window: Window) -> PathDis
     steps = np.count_nonzero(within)
     if steps < 5:
         raise NotComparable(f"{coarse.method} has {steps} steps in the window {window}, 5 are needed")
-    u, v = ("x", "y") if coarse.drive == "free" else ("u", "v")
-    first = np.stack([getattr(coarse, u), getattr(coarse, v)], axis=1)  # (n, 2)
-    second = np.stack([getattr(fine, u), getattr(fine, v)], axis=1)
-    gap = (first - _splined_to_steps(coarse, fine, second))[within] / b.path_scale
+    components = ("x", "y") if coarse.drive == "free" else ("u", "v")
+    first, second = (np.stack([getattr(r, name) for name in components], axis=1) for r in (coarse, fine))  # (n, 2)
+    gap = first - _splined_to_steps(coarse, fine, second)
+    dx, dy = gap[within].T / b.path_scale
     position = coarse.s_o[within] / coarse.length
-    return PathDistances(coarse.t[within], position, np.hypot(gap[:, 0], gap[:, 1]))
+    return PathDistances(coarse.t[within], position, np.hypot(dx, dy))
 
 
 def _fewer_steps_first(a: AnyRun, b: AnyRun) -> tuple[AnyRun, AnyRun]:
@@ -161,7 +163,8 @@ def common_frames(a: Response, b: Response, window: Window) -> CommonFrames:
     """The frames of the fields in the window that both runs have.  Raises NotComparable where there is none."""
     stations = a.fields.s
     others = b.fields.s
-    if stations.shape != others.shape or np.abs(stations - others).max() > 1e-9 * a.length:
+    same = stations.shape == others.shape and np.abs(stations - others).max() <= 1e-9 * a.length
+    if not same:
         raise NotComparable("the tension fields are given at different stations")
     marks = [np.round(r.fields.s_o / r.length, 9) for r in (a, b)]
     stops = any(np.unique(x).size < x.size for x in marks)  # then frames are common at the same instants
@@ -178,10 +181,10 @@ def common_frames(a: Response, b: Response, window: Window) -> CommonFrames:
 
 def rms_tension_gap_over_H(a: Response, b: Response, window: Window, field: str = "T") -> float:
     """Rms gap of two tension fields over frames in the window, off the mass, over H;  field : a name of `Fields`."""
-    position, i, j = common_frames(a, b, window)
-    off_mass = np.abs(a.fields.s / a.length - position[:, None]) >= JUMP_WIDTH  # (frames, stations)
-    first = getattr(a.fields, field)[i]
-    second = getattr(b.fields, field)[j]
+    frames = common_frames(a, b, window)
+    off_mass = np.abs(a.fields.s / a.length - frames.position[:, None]) >= JUMP_WIDTH  # (frames, stations)
+    first = getattr(a.fields, field)[frames.in_a]
+    second = getattr(b.fields, field)[frames.in_b]
     gap = (first - second)[off_mass]
     return float(np.sqrt(np.mean(gap**2))) / b.horizontal_tension
 
@@ -206,11 +209,14 @@ def series_gap(
     samples = []
     for r, (times, values) in zip((coarse, fine), known, strict=True):
         end = np.searchsorted(times, last) + 1
+        times = times[:end]
+        values = values[:end]
         if averaging_time:
-            samples.append(time_means_between(times[:end], values[:end], low, high, r.breaks))
+            sample = time_means_between(times, values, low, high, r.breaks)
         else:
             kinks = [event["t"] for event in r.events]
-            samples.append(_piecewise_spline(times[:end], values[:end], kinks, low))
+            sample = _piecewise_spline(times, values, kinks, low)
+        samples.append(sample)
     squares = np.sum((samples[0] - samples[1]) ** 2, axis=1)  # of (n, c)
     return float(np.sqrt(squares.max() if largest else _time_mean(t, squares)))
 
@@ -248,7 +254,8 @@ def time_means_between(t: Array, values: Array, low: Array, high: Array, breaks:
             begin[i] = values[i + 1] - change_after * (dt[i] / dt[i + 1])
     slope = (values[1:] - begin) / dt
     area = PPoly(np.stack([slope, begin]), t).antiderivative()
-    return (area(high) - area(low)) / (high - low)[:, None]
+    durations = (high - low)[:, None]
+    return (area(high) - area(low)) / durations
 
 
 def _piecewise_spline(t: Array, values: Array, kinks: Sequence[float], times: Array) -> Array:
@@ -260,7 +267,8 @@ def _piecewise_spline(t: Array, values: Array, kinks: Sequence[float], times: Ar
 
     out = np.empty((times.size, values.shape[1]))
     last = t.size - 1
-    ends = np.unique([0, *np.searchsorted(t, kinks).clip(0, last), last])
+    inner = np.searchsorted(t, kinks).clip(0, last)
+    ends = np.unique([0, *inner, last])
     for a, b in pairwise(ends.tolist()):
         piece = (times >= t[a]) & (times <= t[b])
         spline = CubicSpline(t[a : b + 1], values[a : b + 1], axis=0)
@@ -284,10 +292,10 @@ def relative_displacement_gap(
         scaled = dx * x + dy * y if along_cable else dx * y - dy * x
         return scaled / np.hypot(dx, dy)
 
-    position, i, j = common_frames(a, b, window)
-    off_mass = np.abs(a.fields.s / a.length - position[:, None]) > 1e-6
-    first = component(a.fields)[i][off_mass]
-    second = component(b.fields)[j][off_mass]
+    frames = common_frames(a, b, window)
+    off_mass = np.abs(a.fields.s / a.length - frames.position[:, None]) > 1e-6
+    first = component(a.fields)[frames.in_a][off_mass]
+    second = component(b.fields)[frames.in_b][off_mass]
     return float(np.sqrt(np.mean((first - second) ** 2) / np.mean(second**2)))
 
 
@@ -299,7 +307,8 @@ def energy_defect(r: Response) -> Array:
     enters_with_speed = r.drive == "grip" and r.speed[0] > 0.0
     if enters_with_speed and scheme(r.settings["scheme"]).nodes:
         power[:1] = power[1:2]
-    return r.energy - r.energy[0] - cumulative_integral(r.t, power, r.force_jump_times)[:, 0]
+    work = cumulative_integral(r.t, power, r.force_jump_times)[:, 0]
+    return r.energy - r.energy[0] - work
 
 
 def relative_energy_gain(r: Response, weight: float, window: Window) -> float:

@@ -12,14 +12,15 @@ TEXTS = store.read_packaged_toml(__package__, "quantities.toml")
 KNOWN = TEXTS["main"] | TEXTS["more"]
 
 
-def key_numbers(design: list[dict[str, Any]], max_count: int = 8) -> list[dict[str, Any]]:
-    """The key numbers: the smallest clearance, with how many more there are, then forces, speed, the steeper end."""
+def key_numbers(design: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The smallest clearance, with how many more there are, then forces, speed and the steeper end: at most eight."""
     numbers = sorted((x for x in design if x["value"] is not None), key=lambda x: float(x["value"]))
     clearances = [x for x in numbers if x["quantity"].startswith("clearance_")]
     angles = [x for x in numbers if x["quantity"].startswith("angle_")]
-    first = [clearances[0] | {"more": len(clearances) - 1}] if clearances else []
     by_name = {x["quantity"]: x for x in numbers if x not in angles[:-1]}
-    return [*first, *(by_name[quantity] for quantity in TEXTS["main"] if quantity in by_name)][:max_count]
+    key = [clearances[0] | {"more": len(clearances) - 1}] if clearances else []
+    key += [by_name[quantity] for quantity in TEXTS["main"] if quantity in by_name]
+    return key[:8]
 
 
 def design_row_texts(number: dict[str, Any]) -> dict[str, str]:
@@ -63,15 +64,17 @@ def limit_row_texts(row: dict[str, Any]) -> dict[str, str]:
 def verification_row_texts(row: dict[str, Any]) -> dict[str, str]:
     """The columns of a row of the verification as texts."""
     factor, name = factor_and_prefixed_unit(np.array([row["uncertainty"]]), row["unit"])
-    orders = {key: row[f"order_{key}"] for key in ("space", "time")}
-    return {
+    texts = {
         "quantity": quantity_words(row["quantity"]),
         "S": quantity_text(row["value"], row["bar"], row["unit"]),
         "D": quantity_text(row["other"], row["bar_other"], row["unit"]),
-        **{f"order in {key}": "not reached" if p is None else f"{p:.1f}" for key, p in orders.items()},
-        "|E|": f"{factor * row['gap']:.2g} {name}".rstrip(),
-        "validation uncertainty": f"{factor * row['uncertainty']:.2g} {name}".rstrip(),
     }
+    for direction in ("space", "time"):
+        order = row[f"order_{direction}"]
+        texts[f"order in {direction}"] = "not reached" if order is None else f"{order:.1f}"
+    texts["|E|"] = f"{factor * row['gap']:.2g} {name}".rstrip()
+    texts["validation uncertainty"] = f"{factor * row['uncertainty']:.2g} {name}".rstrip()
+    return texts
 
 
 def _entry_with_unit(number: dict[str, Any], key: str, digits: str, unit: str) -> str:

@@ -42,9 +42,8 @@ class TooCoarse(RuntimeError):
     def __init__(self, ladder: Ladder, bar: float, tol: float) -> None:
         run = ladder.finest
         reached = f"an error bar of {bar:.2g}" if math.isfinite(bar) else "no end of the window"
-        settings = ", ".join(
-            f"{key} = {value}" for key, value in find_method(run.method).resolution_and_steps(run.settings).items()
-        )
+        chosen = find_method(run.method).resolution_and_steps(run.settings)
+        settings = ", ".join(f"{key} = {value}" for key, value in chosen.items())
         super().__init__(
             f"{run.method} reaches {reached} with {settings}, not the {tol:g} asked for; loosen the tolerance or "
             "take another method (cablefem advise)"
@@ -92,17 +91,18 @@ class RunsOfMethod:
         )
         order = min(2.0, scheme(settings["scheme"]).order)
         steps = settings["steps"]
-        coarser_steps = [x for x in (round(steps / 2), round(steps / 4)) if x >= 2]
-        in_time = self._compute_branch(settings, "steps", [steps, *coarser_steps], lambda a, b: b / a, order)
+        all_steps = [steps, *(x for x in (round(steps / 2), round(steps / 4)) if x >= 2)]
+        in_time = self._compute_branch(settings, "steps", all_steps, lambda a, b: b / a, order)
         return Ladder(finest, in_space, in_time)
 
     def _compute_branch(
         self, settings: dict[str, Any], name: str, values: list[int], ratio: Callable[[int, int], float], order: float
     ) -> Branch:
         """Runs with coarser values of a setting; values : from the finest on;  ratio : of a coarse and a fine value."""
-        runs = tuple(self.run_with(settings | {name: value}, self.window_end) for value in values[1:])
-        ratios = tuple(ratio(coarse, fine) for fine, coarse in pairwise(values))
-        return Branch(runs, ratios, order)
+        coarser = [settings | {name: value} for value in values[1:]]
+        runs = [self.run_with(x, self.window_end) for x in coarser]
+        ratios = [ratio(coarse, fine) for fine, coarse in pairwise(values)]
+        return Branch(tuple(runs), tuple(ratios), order)
 
     def _resolutions_from_finest(self, settings: dict[str, Any]) -> list[int]:
         """Resolutions from the finest on: half and quarter, or fewer."""

@@ -20,9 +20,11 @@ FACTORS = {("km/h", "m/s"): 1.0 / 3.6, ("%", ""): 0.01, ("°", "deg"): 1.0}
 
 def read_csv_columns(file: Path) -> dict[str, Array]:
     """Columns (n,) of a CSV of numbers; empty cells are nan."""
-    with file.open(encoding="utf-8", newline="") as opened:
-        rows = list(csv.DictReader(opened))
-    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
+    header, _, body = file.read_text(encoding="utf-8").rstrip().partition("\n")
+    names = next(csv.reader([header]))
+    cells = [float(cell or "nan") for cell in body.replace("\n", ",").split(",")]
+    columns = np.reshape(cells, (-1, len(names))).T.copy()
+    return dict(zip(names, columns, strict=True))
 
 
 def si_factor(printed_unit: str, unit: str) -> float:

@@ -20,7 +20,9 @@ def start_position(travel: dict[str, Any], drive: dict[str, Any], length: float)
 
 def _travel_distance(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
     """Of the whole travel [m]."""
-    end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
+    end = length
+    if drive.get("mode") == "haul":
+        end = drive.get("end", {}).get("place", 0.99 * length)
     return travel.get("to", end) - start_position(travel, drive, length)
 
 
@@ -62,6 +64,7 @@ def _position_and_speed(start: float, speed: float, stretches: Stretches, t: Arr
 
 
 def _start_speed_and_stretches(law: dict[str, Any], distance: float) -> tuple[float, Stretches]:
+    """Speed [m/s] at the start, and what follows, of a [travel] over a distance [m], without its stop."""
     kind = law["kind"]
     if kind == "constant_speed":
         V = law["speed"]

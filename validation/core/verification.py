@@ -35,9 +35,8 @@ def verification_rows(a: Ladder, b: Ladder) -> list[Row]:
         for direction in ("space", "time"):
             branch = getattr(ladder, direction)
             levels = branch.finest_half_and_quarter_values(ladder.finest, computed[i][name].extreme_value_or_nan)
-            row |= {
-                f"levels_{direction}": levels, f"ratios_{direction}": list(branch.ratios),
-                f"order_{direction}": observed_order(levels, branch.ratios),
-            }  # fmt: skip
+            row[f"levels_{direction}"] = levels
+            row[f"ratios_{direction}"] = list(branch.ratios)
+            row[f"order_{direction}"] = observed_order(levels, branch.ratios)
         out.append(row)
     return out

@@ -35,12 +35,17 @@ class View:
         assert scene.mass is not None
         motion = scene.groups.motion
         low, high = WINDOWS[scene.drive.mode]
-        end = 1.0 if motion is None else motion.end
+        axis = "time"
+        top_speed = 0.0
+        reaches_end = True
+        if motion is not None:
+            axis = "time" if motion.standstill_phases else "place"
+            top_speed = motion.top_speed * scene.length / scene.time_scale
+            reaches_end = motion.end < high
+            high = min(high, motion.end)
         return cls(
-            axis="time" if motion is None or motion.standstill_phases else "place", window=(low, min(high, end)),
-            free=motion is None, reaches_end=motion is None or end < high,
-            rolls=scene.drive.mode != "grip", length=scene.length, H=scene.horizontal_tension,
-            top_speed=0.0 if motion is None else motion.top_speed * scene.length / scene.time_scale,
+            axis=axis, window=(low, high), free=motion is None, reaches_end=reaches_end,
+            rolls=scene.drive.mode != "grip", length=scene.length, H=scene.horizontal_tension, top_speed=top_speed,
             weight=scene.mass.mass * scene.gravity, axial_round_trip=2.0 * scene.length / scene.axial_speed,
         )  # fmt: skip
 

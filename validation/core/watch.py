@@ -66,22 +66,25 @@ def _error_flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
     assert scene.mass is not None
     assert r.energy_gain is not None
     weight = scene.mass.mass * scene.gravity
-    range_of_energy = float(np.ptp(r.energy[measures.steps_in_window(r, taut)]))
-    unit = max(1.0, range_of_energy / (weight * r.max_deflection))
+    energy = r.energy[measures.steps_in_window(r, taut)]
+    energy_range = max(1.0, float(np.ptp(energy)) / (weight * r.max_deflection))
     flags = _slow_wave_and_compression_flags(r, scene, method)
     if scene.speed_ratio is not None and scene.speed_ratio >= 1.0:
         # V/c = 1.1: half the true error; 1.5: no convergence
         flags.insert(0, make_flag("fast", speed_ratio=scene.speed_ratio))
-    if not r.energy_gain <= MAX_GAIN * unit:
-        return [*flags, make_flag("energy", gain=r.energy_gain / unit, allowed=MAX_GAIN)]
-    return flags + _slack_energy_flags(r, weight, unit)
+    if not r.energy_gain <= MAX_GAIN * energy_range:
+        return [*flags, make_flag("energy", gain=r.energy_gain / energy_range, allowed=MAX_GAIN)]
+    return flags + _slack_energy_flags(r, weight, energy_range)
 
 
-def _slack_energy_flags(r: Response, weight: float, unit: float) -> list[Flag]:
-    """A flag if energy is gained past the slack onset;  unit : range of the energy, of weight times deflection."""
-    if r.switched is None or not measures.steps_in_window(r, (r.switched, SLACK_END)).any():
+def _slack_energy_flags(r: Response, weight: float, energy_range: float) -> list[Flag]:
+    """A flag if energy is gained past the slack onset;  energy_range : over weight times deflection."""
+    if r.switched is None:
         return []
-    gain = measures.relative_energy_gain(r, weight, (r.switched, SLACK_END)) / unit
+    slack = r.switched, SLACK_END
+    if not measures.steps_in_window(r, slack).any():
+        return []
+    gain = measures.relative_energy_gain(r, weight, slack) / energy_range
     largest = 2.0  # the same after the onset; runs that agree 1.4, others from 9
     return [] if gain <= largest else [make_flag("slack energy", gain=gain, since=r.switched)]
 

@@ -28,8 +28,8 @@ from cablefem.scene.line import Line
 def with_wheel_loads_by_hand(motion: LineMotion, line: Line, moving: MovingLine, states: Sequence[State]) -> LineMotion:
     """The motion with wheel loads of those point cars that have a wheel base."""
     cars = list(motion.cars)
-    for i, (table, car) in enumerate(zip(line.car, moving.cars_on_rope, strict=True)):
-        wheels = table.wheels
+    for i, car in enumerate(moving.cars_on_rope):
+        wheels = line.car[i].wheels
         if wheels is not None and wheels.model == "point" and wheels.base:
             thrust = np.array([moving.thrust(car, x.t, x.phase) for x in states])
             loads = wheel_loads_by_hand(wheels, car, cars[i], thrust, moving.gravity)
@@ -45,7 +45,8 @@ def wheel_loads_by_hand(
     mean = motion.slope_behind + motion.slope_ahead  # (n, 2)
     tau = mean / np.linalg.norm(mean, axis=1)[:, None]
     air = motion.velocity - [drive.wind, 0.0]
-    drag = -drive.k * np.linalg.norm(air, axis=1)[:, None] * air
+    speed_in_air = np.linalg.norm(air, axis=1)
+    drag = -drive.k * speed_in_air[:, None] * air
     needed = car.mass * (motion.acceleration - [0.0, gravity]) - drag
     hauled = drive.mode == "haul"
     driving = motion.haul_force if hauled else thrust
@@ -77,7 +78,8 @@ def neglected_wheel_load(wheels: Wheels, mass: float, gravity: float, t: Array, 
     tilted = lever * np.abs(front - rear) / (2.0 * N)
     period = approximate_pitch_period(wheels, mass, float(np.min(N)))
     later = np.interp(t + 0.5 * period, t, rear)
-    return float(np.max(tilted) + np.max(np.abs(later - rear)))
+    change = np.abs(later - rear)
+    return float(np.max(tilted) + np.max(change))
 
 
 def rope_stresses_under_wheel(rope: Rope, wheels: Wheels, N: Array, Q: Array) -> dict[str, Array]:

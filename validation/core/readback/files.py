@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from validation.core.readback.limits import limit_faults
 from validation.core.readback.stored import Faults, Run, StoredResults, read_json
 from validation.core.readback.verification import verification_faults
-from validation.core.scene_data import ROUNDING, Array, max_depth_at
+from validation.core.scene_data import ROUNDING, Array, max_depth_at, read_csv_columns
 
 SINGLE_PRECISION = 1e-6  # of single precision
 
@@ -27,19 +27,17 @@ def file_faults(stored: StoredResults) -> Faults:
     for fault in verification_faults(stored):
         yield f"verification: {fault}"
     for i, method in enumerate(stored.methods):
+        run = stored.run_of_method(i)
         for name, reader in FILES.items():
             file = stored.folder / method / name
             if reader is not None and file.exists():
-                for fault in reader(file, stored.run_of_method(i)):
+                for fault in reader(file, run):
                     yield f"{file}: {fault}"
 
 
 def _csv_faults(file: Path, expected: dict[str, Array]) -> Faults:
-    """Faults of the columns of a CSV; its empty cells are nan."""
-    header, _, body = file.read_text(encoding="ascii").rstrip().partition("\n")
-    names = header.split(",")
-    cells = [float(cell or "nan") for cell in body.replace("\n", ",").split(",")]
-    columns = dict(zip(names, np.reshape(cells, (-1, len(names))).T, strict=True))
+    """Faults of the columns of a CSV."""
+    columns = read_csv_columns(file)
     for name in columns.keys() ^ expected.keys():
         yield f"column {name} has no second computation or is not there"
     for name in columns.keys() & expected.keys():
@@ -48,7 +46,8 @@ def _csv_faults(file: Path, expected: dict[str, Array]) -> Faults:
 
 def series_faults(name: str, written: Array, expected: Array, rounding: float, scale: float | None = None) -> Faults:
     """A fault if a series, or where it is nan, differs; rounding : over a scale, by default the largest value."""
-    if written.shape != expected.shape or not np.array_equal(np.isnan(written), np.isnan(expected)):
+    same_rows = written.shape == expected.shape and np.array_equal(np.isnan(written), np.isnan(expected))
+    if not same_rows:
         yield f"{name} has other rows than were computed"
         return
     off = float(np.nanmax(np.abs(written - expected), initial=0.0))
@@ -63,30 +62,33 @@ def _path_csv_faults(file: Path, run: Run) -> Faults:
 
 def path_csv_columns(run: Run) -> dict[str, Array]:
     """Columns of path.csv from the stored arrays (n,)."""
-    tangent = run["slope_behind"] + run["slope_ahead"]  # (n, 2)
-    across = tangent[:, 0] * run["contact"][:, 1] - tangent[:, 1] * run["contact"][:, 0]
-    path = {name: run[name] for name in ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "F_haul")}
+    stored = ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "F_haul")
+    path = {name: run[name] for name in stored}
     path["speed"] = np.sqrt(np.sum(run["velocity"] ** 2, axis=1))
+    tangent = run["slope_behind"] + run["slope_ahead"]  # (n, 2)
+    contact = run["contact"]  # (n, 2)
+    across = tangent[:, 0] * contact[:, 1] - tangent[:, 1] * contact[:, 0]
     path["F_contact"] = across / np.sqrt(np.sum(tangent**2, axis=1))
     return path
 
 
 def _tension_csv_faults(file: Path, run: Run) -> Faults:
     """Rows of each frame: all stations, then the car's two sides."""
-    k, m = run["fields.T"].shape
+    frames, stations = run["fields.T"].shape
+    s = np.tile(run["fields.s"], (frames, 1))
     s_o = run["fields.s_o"]
+    T = [run["fields.T"], run["fields.T_behind"], run["fields.T_ahead"]]
     columns = {
-        "t": np.repeat(run["fields.t"], m + 2),
-        "s": np.column_stack([np.tile(run["fields.s"], (k, 1)), s_o, s_o]),
-        "T": np.column_stack([run["fields.T"], run["fields.T_behind"], run["fields.T_ahead"]]),
+        "t": np.repeat(run["fields.t"], stations + 2),
+        "s": np.column_stack([s, s_o, s_o]).ravel(),
+        "T": np.column_stack(T).ravel(),
     }
-    yield from _csv_faults(file, {name: x.ravel() for name, x in columns.items()})
+    yield from _csv_faults(file, columns)
 
 
 def _profile_csv_faults(file: Path, run: Run) -> Faults:
     """Envelopes of depth and tension over x: from all valid frames, and of the car's path between them."""
     until = time_of_slack_or_slow_waves(run)
-    valid = run["t"] <= until
     x_rest = run["fields.x"]
     y_rest = run["fields.y"]
     count = 201  # of profile.csv
@@ -94,18 +96,21 @@ def _profile_csv_faults(file: Path, run: Run) -> Faults:
     depths = [np.interp(x, x_rest, y_rest)]
     tensions = [np.interp(x, x_rest, run["fields.T_static"])]
     car = car_points_at_frames(run)
-    at_car = np.fmax(run["fields.T_behind"], run["fields.T_ahead"])
+    T_car = np.fmax(run["fields.T_behind"], run["fields.T_ahead"])
     for k in np.flatnonzero(run["fields.t"] <= until):
         i = int(np.searchsorted(run["fields.s"], run["fields.s_o"][k], side="right"))
         x_rope = np.insert(x_rest + run["fields.u"][k], i, car[k, 0])
         y_rope = np.insert(y_rest + run["fields.v"][k], i, car[k, 1])
+        T = np.insert(run["fields.T"][k], i, T_car[k])
         depths.append(np.interp(x, x_rope, y_rope))
-        tensions.append(np.interp(x, x_rope, np.insert(run["fields.T"][k], i, at_car[k])))
+        tensions.append(np.interp(x, x_rope, T))
+    valid = run["t"] <= until
+    depth_of_path = max_depth_at(x, run["x"][valid], run["y"][valid])
     columns = {
         "x": x,
         "y_rest": depths[0],
         "y_highest": np.min(depths, axis=0),
-        "y_lowest": np.maximum(np.max(depths, axis=0), max_depth_at(x, run["x"][valid], run["y"][valid])),
+        "y_lowest": np.maximum(np.max(depths, axis=0), depth_of_path),
         "tension_max": np.max(tensions, axis=0),
         "tension_min": np.min(tensions, axis=0),
     }
@@ -130,8 +135,10 @@ def car_points_at_frames(run: Run) -> Array:
 
     The rope between two stations is a cubic: a chord of h cuts off h^2/8 times the curvature of a deep rope.
     """
-    rest_curve = CubicSpline(run["fields.s"], np.stack([run["fields.x"], run["fields.y"]], axis=1))
-    return np.asarray(rest_curve(run["fields.s_o"]) + np.stack([run["fields.mass_u"], run["fields.mass_v"]], axis=1))
+    rest = np.stack([run["fields.x"], run["fields.y"]], axis=1)
+    rest_curve = CubicSpline(run["fields.s"], rest)
+    displacement = np.stack([run["fields.mass_u"], run["fields.mass_v"]], axis=1)
+    return np.asarray(rest_curve(run["fields.s_o"]) + displacement)
 
 
 def larger_extent_at_rest(run: Run) -> float:
@@ -141,16 +148,16 @@ def larger_extent_at_rest(run: Run) -> float:
 
 def _rope_animation_faults(file: Path, run: Run) -> Faults:
     """Points, velocity and tension of the rope in some frames; the car's two ends come last."""
+    extent = larger_extent_at_rest(run)
     for k, frame in _read_some_animation_frames(file, run):
-        u = run["fields.u"][k]
-        v = run["fields.v"][k]
+        rope = _points_with_y_up(run["fields.x"] + run["fields.u"][k], run["fields.y"] + run["fields.v"][k])
         rates = [run["fields.du"][k], run["fields.dv"][k]]
-        at_car = [np.interp(run["fields.s_o"][[k, k]], run["fields.s"], rate) for rate in rates]
-        rope = _points_with_y_up(run["fields.x"] + u, run["fields.y"] + v)
-        T = [*run["fields.T"][k], run["fields.T_behind"][k], run["fields.T_ahead"][k]]
+        s_ends = run["fields.s_o"][[k, k]]
+        at_car = [np.interp(s_ends, run["fields.s"], rate) for rate in rates]
         velocity = np.concatenate([_points_with_y_up(*rates), _points_with_y_up(*at_car)])
+        T = [*run["fields.T"][k], run["fields.T_behind"][k], run["fields.T_ahead"][k]]
         moved = frame["points"] + frame["displacement"]  # (m + 2, 3)
-        yield from series_faults(f"rope in frame {k}", moved[:-2], rope, SINGLE_PRECISION, larger_extent_at_rest(run))
+        yield from series_faults(f"rope in frame {k}", moved[:-2], rope, SINGLE_PRECISION, extent)
         yield from _car_point_faults(k, moved[-1], run)
         yield from series_faults(f"velocity in frame {k}", frame["velocity"], velocity, SINGLE_PRECISION)
         yield from series_faults(f"tension in frame {k}", frame["tension"], np.array(T), SINGLE_PRECISION)
@@ -177,9 +184,10 @@ def _read_some_animation_frames(file: Path, run: Run) -> Iterator[tuple[int, dic
     if not np.array_equal(times, run["fields.t"]):
         raise ValueError(f"{file}: frames at other times than were computed")
     count = 5  # of an animation that are read
-    for k in np.unique(np.linspace(0, len(grids) - 1, count).round().astype(int)):
+    frames = np.linspace(0, len(grids) - 1, count).round()
+    for k in np.unique(frames.astype(int)).tolist():
         parts = [part for part in grids[k] if part.tag != "Topology" and part.find("DataItem") is not None]
-        yield int(k), {part.get("Name") or "points": _read_xdmf_item(part.find("DataItem"), file) for part in parts}
+        yield k, {part.get("Name") or "points": _read_xdmf_item(part.find("DataItem"), file) for part in parts}
 
 
 def _read_xdmf_item(item: Any, file: Path) -> Array:
@@ -209,7 +217,8 @@ def _summary_json_faults(file: Path, run: Run) -> Faults:
     for name in written.keys() & rest.keys() - {"flags"}:
         if written[name] != rest[name]:
             yield f"{name} is not as stored"
-    for name in written.keys() - rest.keys() - COMPUTED - rest["work"].keys():
+    stored = rest.keys() | rest["work"].keys()
+    for name in written.keys() - stored - COMPUTED:
         yield f"key {name} has no second computation"
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from validation.core.readback.pages import section_html
 from validation.core.readback.stored import Faults, Row, read_json, read_package_toml
-from validation.core.readback.texts import NUMBER, cell_texts, contents_of_tags, plain_text, shows_value
+from validation.core.readback.texts import NUMBER, contents_of_tags, plain_text, rows_of_each_table, shows_value
 from validation.core.scene_data import ROUNDING, si_factor
 
 _CLAUSE = re.compile(r"(.+?)\s*(<=|>=|<|>|=)\s*(\S+)\s*(\S*)")
@@ -24,15 +24,15 @@ def find_faults(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
     """Faults of find.json, find.csv, their page and what was printed."""
     answer = read_json(folder / "find.json")
     section = section_html(html_text, "find", "find")
-    shown = [cell_texts(row) for table in contents_of_tags("table", section) for row in contents_of_tags("tr", table)]
-    rows = shown[1:]  # below the names of the columns
+    rows = [*itertools.chain(*rows_of_each_table(section))][1:]  # below the names of the columns
     if "rows" in answer:
         sentences = [f"{answer['for']} = {point.parameter}: {point.answer}" for point in _curve_points(answer)]
         yield from _curve_faults(answer, folder / "find.csv", rows)
     else:
         sentences = [answer["sentence"]]
         yield from _search_faults(answer)
-        if plain_text("".join(contents_of_tags('p class="summary"', section))) != plain_text(answer["sentence"]):
+        summary = plain_text("".join(contents_of_tags('p class="summary"', section)))
+        if summary != plain_text(answer["sentence"]):
             yield "the page has another answer than find.json"
         yield from _evaluation_row_faults(answer["evaluations"], rows)
     for sentence in sentences:
@@ -45,7 +45,8 @@ def _evaluation_row_faults(evaluations: Sequence[Row], shown: Sequence[Sequence[
     tried = [[x["value"], "yes" if x["holds"] else "no", x["outcome"]] for x in evaluations]
     yield from _shown_row_faults([[cells[0], *cells[2:]] for cells in shown], tried)
     for cells, row in zip(shown, evaluations, strict=False):
-        yield from _shown_row_faults([cells[1].split("; ")], [list(itertools.chain(*row["read"]))])
+        numbers = [*itertools.chain(*row["read"])]
+        yield from _shown_row_faults([cells[1].split("; ")], [numbers])
 
 
 class CurvePoint(NamedTuple):
@@ -64,20 +65,21 @@ def _curve_points(curve: Row) -> Iterator[CurvePoint]:
 
 def _curve_faults(curve: Row, table: Path, shown: Sequence[Sequence[str]]) -> Faults:
     """Faults of a curve in find.csv and in the rows of its page."""
-    stored = [list(row.values()) for row in curve["rows"]]
-    expected = [[curve["for"], curve["key"], "bar", "answer"], *stored]
+    points = list(_curve_points(curve))
+    expected = [(curve["for"], curve["key"], "bar", "answer"), *points]
     with table.open(encoding="utf-8", newline="") as file:
-        if [*csv.reader(file)] != [["" if x is None else str(x) for x in row] for row in expected]:
-            yield "find.csv is not find.json"
-    for point in _curve_points(curve):
+        written = [*csv.reader(file)]
+    if written != [["" if x is None else str(x) for x in row] for row in expected]:
+        yield "find.csv is not find.json"
+    for point in points:
         match = _ANSWER.search(point.answer)
-        has_text = match is not None
-        has_value = point.value is not None
-        if has_text is not has_value or (match and not _answer_shows_value(match, point.value)):
+        if match is None:
+            good = point.value is None
+        else:
+            good = point.value is not None and _answer_shows_value(match, point.value)
+        if not good:
             yield f"{point.answer!r} where {point.value} is stored"
-    yield from _shown_row_faults(
-        shown, [[point.parameter, point.value, point.answer] for point in _curve_points(curve)]
-    )
+    yield from _shown_row_faults(shown, [[point.parameter, point.value, point.answer] for point in points])
 
 
 def _shown_row_faults(shown: Sequence[Sequence[str]], stored: Sequence[Sequence[Any]]) -> Faults:
@@ -103,13 +105,16 @@ def _answer_shows_value(match: re.Match[str], value: float) -> bool:
 def _search_faults(search: Row) -> Faults:
     """Faults of the values that were tried, of each change between them, and of the sentence."""
     clauses = [_CLAUSE.fullmatch(text.strip()) for text in re.split(r"\band\b", search["condition"])]
-    numbers_at = {row["value"]: list(itertools.chain(*row["read"])) for row in search["evaluations"]}
-    margins_at = {
-        value: list(map(_clause_margin, itertools.cycle(clauses), read)) for value, read in numbers_at.items()
-    }
+    numbers_at = {}
+    margins_at = {}
     for row in search["evaluations"]:
-        if row["holds"] is not all(margin >= 0.0 for margin in margins_at[row["value"]]):
-            yield f"at {row['value']}: holds is {row['holds']} where {margins_at[row['value']]} follow"
+        value = row["value"]
+        numbers = [*itertools.chain(*row["read"])]
+        margins = [*map(_margin_of_clause_or_limits, itertools.cycle(clauses), numbers)]
+        if row["holds"] is not all(margin >= 0.0 for margin in margins):
+            yield f"at {value}: holds is {row['holds']} where {margins} follow"
+        numbers_at[value] = numbers
+        margins_at[value] = margins
     first = search["changes"][0] if search["changes"] else {}
     for name in ("value", "bar", "holds_at", "fails_at"):
         if search[name] != first.get(name):
@@ -130,10 +135,12 @@ def _change_and_answer_faults(
             yield from _answer_text_faults(answers[i], change)
 
 
-def _clause_margin(clause: re.Match[str] | None, read: Any) -> float:
+def _margin_of_clause_or_limits(clause: re.Match[str] | None, read: Any) -> float:
     """By how much a clause holds for what was read; negative or nan: it does not.  None: limits, to be met."""
-    if clause is None or clause[2] == "=":
-        return 0.0 if read == ("met" if clause is None else clause[3]) else math.nan
+    if clause is None:
+        return 0.0 if read == "met" else math.nan
+    if clause[2] == "=":
+        return 0.0 if read == clause[3] else math.nan
     if read is None:
         return math.nan
     bound = float(clause[3]) * si_factor(clause[4], _unit_of_quantity(clause[1]))
@@ -145,18 +152,23 @@ def _unit_of_quantity(name: str) -> str:
     """The unit of a design number, of a line too, or of an event; the extreme may be left out."""
     kind, _, of = name.replace(":", ".").partition(".")
     quantities = read_package_toml("core", "quantities.toml")
-    units = {x: row[1] for table in ("main", "more") for x, row in quantities[table].items()}
+    units = {x: row[1] for x, row in (quantities["main"] | quantities["more"]).items()}
     at_rest = read_package_toml("page", "assets/line.toml")["quantity"]
-    for words in (at_rest, read_package_toml("page", "assets/motion.toml")):
+    in_motion = read_package_toml("page", "assets/motion.toml")
+    for words in (at_rest, in_motion):
         units |= {x: row["unit"] for x, row in words.items() if "unit" in row}
-    names = (kind, f"{kind}_min", f"{kind}_max", kind.removesuffix("_min"), kind.removesuffix("_max"))
-    return next((units[x] for x in names if x in units), None) or EVENT_UNITS.get(of, "")
+    for x in (kind, f"{kind}_min", f"{kind}_max", kind.removesuffix("_min"), kind.removesuffix("_max")):
+        if units.get(x):
+            return str(units[x])
+    return EVENT_UNITS.get(of, "")
 
 
 def _change_faults(change: Row, margins_at: dict[float, list[float]], numbers_at: dict[float, list[Any]]) -> Faults:
     """Faults of a change: where the first number that fails crosses its limit on a chord, and the bar of a check."""
-    good, bad = change["holds_at"], change["fails_at"]
-    above, below = margins_at[good], margins_at[bad]
+    good = change["holds_at"]
+    bad = change["fails_at"]
+    above = margins_at[good]
+    below = margins_at[bad]
     if not all(x >= 0.0 for x in above) or all(x >= 0.0 for x in below):
         yield f"the condition does not change between {good} and {bad}"
     shares = [a / (a - b) for a, b in zip(above, below, strict=False) if b < 0.0 <= a]
@@ -173,10 +185,12 @@ def _change_faults(change: Row, margins_at: dict[float, list[float]], numbers_at
 
 def _answer_text_faults(match: re.Match[str], change: Row) -> Faults:
     """A fault unless an answer in words has the side, the value, its bar and unit of a change of verdict."""
-    at_most = change["fails_at"] > change["holds_at"]
-    words = match[1] == ("at most" if at_most else "at least") and match[5] == ("above" if at_most else "below")
-    width = max(change["bar"] or 0.0, abs(change["fails_at"] - change["holds_at"]))
-    about = bool(match[2])
-    good = _answer_shows_value(match, change["value"]) if about else shows_value(match[3], change["value"], bar=width)
-    if not words or not good or (match[4] or "") != change["unit"]:
+    holds_below = change["fails_at"] > change["holds_at"]
+    words = ("at most", "above") if holds_below else ("at least", "below")
+    if match[2]:  # about
+        good = _answer_shows_value(match, change["value"])
+    else:
+        width = max(change["bar"] or 0.0, abs(change["fails_at"] - change["holds_at"]))
+        good = shows_value(match[3], change["value"], bar=width)
+    if match.group(1, 5) != words or not good or (match[4] or "") != change["unit"]:
         yield f"{match[0]!r} where {change['value']} with the bar {change['bar']} is stored"

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from validation.core.readback.stored import Faults, Row, read_package_toml
-from validation.core.readback.texts import cell_texts, contents_of_tags, shows_design_number
+from validation.core.readback.texts import rows_of_each_table, shows_design_number
 from validation.core.scene_data import ROUNDING
 
 LIMIT_VERDICT = r"(met|not met|too close to tell|cannot be judged: .*|not computed.*)$"
@@ -25,8 +25,7 @@ def expected_scope_sentences(names: Iterable[str], modes: set[str]) -> Iterator[
 def limit_table_faults(html_text: str, rows: Sequence[Row]) -> Faults:
     """Faults of the tables of limits on a page, which show all stored rows."""
     shown = []
-    for table in contents_of_tags("table", html_text):
-        rows_of_table = [cell_texts(row) for row in contents_of_tags("tr", table)]
+    for rows_of_table in rows_of_each_table(html_text):
         if rows_of_table and "|".join(rows_of_table[0]) == LIMITS:
             shown += rows_of_table[1:]
     if len(shown) != len(rows):
@@ -71,8 +70,8 @@ OVER = "smallest clearance over "
 def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events: Sequence[Row]) -> Faults:
     """Faults of verdicts on limits, from a scene's TOML, the shipped texts and the printed numbers."""
     shipped = read_package_toml("cablefem.scene", "limits.toml")
+    words = shipped["demand"]
     for row in rows:
-        words = shipped["demand"]
         demand = next(key for key in words if re.fullmatch(words[key][0].format(".*"), row["demand"]))
         if [row["side"], row["unit"]] != words[demand][1:3]:
             yield f"{row['demand']}: {row['side']} in {row['unit']}"
@@ -89,20 +88,20 @@ def _is_limit_stated(demand: str, row: Row, scene: Row, regulations: Iterable[Ro
     """Whether the scene, or a rule of a regulation, states the limit of a row."""
     if row["source"] == "the scene":
         return bool(scene.get("limits", {}).get(demand) == row["limit"])
-    return any(
-        _row_follows_rule(row, demand, rule, regulation, scene)
-        for regulation in regulations
-        for rule in regulation["limit"]
-    )
+    for regulation in regulations:
+        if any(_row_follows_rule(row, demand, rule, regulation, scene) for rule in regulation["limit"]):
+            return True
+    return False
 
 
 def _row_follows_rule(row: Row, demand: str, rule: Row, regulation: Row, scene: Row) -> bool:
     """Whether a row states a rule of a regulation, which is for this obstacle and for what the scene says."""
     same = rule["demand"] == demand and rule["limit"] == row["limit"]
+    source = f"{regulation['source']}, {rule['clause']}"
     kind = _kinds_of_obstacles_and_ground(scene).get(row["demand"].removeprefix(OVER))
     fits = rule.get("kind") in (None, kind) or kind is None
     applies = rule.get("when") in (None, *scene["limits"].get("when", []))
-    return same and fits and applies and row["source"] == f"{regulation['source']}, {rule['clause']}"
+    return same and fits and applies and row["source"] == source
 
 
 def _kinds_of_obstacles_and_ground(scene: Row) -> dict[str, str | None]:
@@ -148,7 +147,8 @@ def _value_of_demand(demand: str, row: Row, scene: Row, design: Sequence[Row], e
         return next((x["speed"] for x in events if x["event"] in ("brake", "arrival")), None)
     if demand == "swing_along":
         swings = [*values.get("swing_max", {}).values(), *values.get("swing_min", {}).values()]
-        return float(np.tan(np.radians(np.abs(swings).max()))) if swings else None
+        largest = np.radians(np.max(np.abs(swings), initial=0.0))
+        return float(np.tan(largest)) if swings else None
     if demand in NUMBERS:
         return _extreme_for_demand(demand, values.get(NUMBERS[demand], {}), scene)
     return _ratio_for_demand(demand, values, scene) if demand in RATIOS else None
@@ -156,9 +156,10 @@ def _value_of_demand(demand: str, row: Row, scene: Row, design: Sequence[Row], e
 
 def _extreme_for_demand(demand: str, numbers: dict[str, float], scene: Row) -> float | None:
     """The number of a demand; of knees under load, of the last contact before the end or of the others."""
-    last = scene["contact"][-2]["name"] if "contact" in scene else ""
     if demand in ("knee_loaded", "knee_last"):
-        numbers = {contact: x for contact, x in numbers.items() if (contact == last) is (demand == "knee_last")}
+        last = scene["contact"][-2]["name"] if "contact" in scene else ""
+        of_last = demand == "knee_last"
+        numbers = {contact: x for contact, x in numbers.items() if (contact == last) is of_last}
     extreme = min if demand in ("knee_empty", "tension_over_wheel") else max
     return extreme(numbers.values(), default=None)
 
@@ -180,7 +181,9 @@ def _min_clearance_for_demand(row: Row, values: Values, scene: Row) -> float | N
     if _kinds_of_obstacles_and_ground(scene).get(name) is None and row["source"] != "the scene":
         return None
     clearances = [numbers for kind, numbers in values.items() if kind.startswith("clearance")]
-    over = [x for numbers in clearances for key, x in numbers.items() if key.split(" over ")[-1] == name]
+    over = []
+    for numbers in clearances:
+        over += [x for key, x in numbers.items() if key.split(" over ")[-1] == name]
     return min(over, default=None)
 
 

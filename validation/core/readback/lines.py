@@ -11,7 +11,7 @@ import numpy as np
 
 from validation.core.readback.limits import LIMIT_VERDICT, expected_scope_sentences, limit_row_faults
 from validation.core.readback.stored import Faults, Row, read_json, read_package_toml, worst_asked_verdict
-from validation.core.readback.texts import cell_texts, contents_of_tags, plain_text
+from validation.core.readback.texts import plain_text, rows_of_each_table
 from validation.core.scene_data import Array, read_csv_columns
 
 COUNTED = "comparisons of two solvers agree", "laws hold", "kinds of printed numbers are as computed"
@@ -34,20 +34,15 @@ def line_terminal_faults(printed: Sequence[str], html_text: str, folder: Path) -
     if plain_text(summary["outcome"]) in plain_text(html_text):
         sentences.add(f"{summary['scene']}: {summary['outcome']}")
     texts = {tuple(map(plain_text, re.split(" {2,}", text.strip()))): text.strip() for text in printed}  # by cells
-    for rows in _rows_of_tables(html_text):
-        shown = [texts.pop(row) for row in rows if row in texts]
+    for rows in rows_of_each_table(html_text):
+        filled = [tuple(filter(None, cells)) for cells in rows]
+        shown = [texts.pop(cells) for cells in filled if cells in texts]
         sentences.add(f"{len(rows) - len(shown)} more in the report" if shown else "")
     for cells, text in texts.items():
         if re.match(LIMIT_VERDICT, cells[-1]):
             yield from limit_row_faults(cells, summary["limits"])
         elif text.partition("; not so: ")[0] not in sentences:
             yield f"printed: {text!r} is neither on the page nor in the files"
-
-
-def _rows_of_tables(html_text: str) -> Iterator[list[tuple[str, ...]]]:
-    """Rows of each table of a page, without their empty cells."""
-    for table in contents_of_tags("table", html_text):
-        yield [tuple(filter(None, cell_texts(row))) for row in contents_of_tags("tr", table)]
 
 
 def _sentences_beside_tables(summary: Row, judged: Sequence[Row]) -> Iterator[str]:
@@ -81,9 +76,10 @@ def _line_scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
 def _agreement_count_sentences(judged: Sequence[Row]) -> Iterator[str]:
     """How many comparisons, laws and printed numbers agree."""
     groups: dict[str, list[str]] = {words: [] for words in COUNTED}
+    comparisons, laws, printed = COUNTED
     for x in judged:
-        of_law = x["allowed_because"].startswith("law")
-        groups[COUNTED[2 if x["quantity"] == "printed" else int(of_law)]].append(x["verdict"])
+        words = laws if x["allowed_because"].startswith("law") else comparisons
+        groups[printed if x["quantity"] == "printed" else words].append(x["verdict"])
     for words, verdicts in groups.items():
         if verdicts:
             yield f"{verdicts.count('agree')} of {len(verdicts)} {words}"

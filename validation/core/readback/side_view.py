@@ -30,10 +30,11 @@ def side_view_faults(view: dict[str, Any], stored: StoredResults) -> Faults:
     distances, _ = cKDTree(points).query(drawn)
     ends = np.linalg.norm(drawn[[0, -1]] - points[[0, -1]], axis=1)
     six_digits = 1e-5  # of a number: more than it is rounded by
-    if max(*distances, *ends) > six_digits * np.hypot(*drawn.T).max():
+    allowed = six_digits * np.hypot(*drawn.T).max()
+    if max(*distances, *ends) > allowed:
         yield f"the path is {max(distances):.3g} m off path.csv"
-    for mark in view["speeds"]:
-        yield from _speed_label_faults(mark, points, path["speed"], 0.01 * reach)
+    for label in view["speeds"]:
+        yield from _speed_label_faults(label, points, path["speed"], 0.01 * reach)
     yield from _drawn_scene_faults(view, run["scene"])
     for cable in view["cables"]:
         yield from _moving_rope_faults(cable, view, stored)
@@ -56,17 +57,24 @@ def _drawn_scene_faults(view: dict[str, Any], scene: Row) -> Faults:
             yield f"{name} is not the scene's"
 
 
-def _speed_label_faults(mark: dict[str, Any], points: Array, speed: Array, near: float) -> Faults:
-    """A mark lies between two steps. A car that rolls back passes it twice: one of the speeds near it is its text."""
+def _speed_label_faults(label: dict[str, Any], points: Array, speed: Array, near: float) -> Faults:
+    """A label lies between two steps; of the speeds of the car at steps near it, within `near` [m], one is its text.
+
+    A car that rolls back passes it twice.
+    """
     steps = np.diff(points, axis=0)  # (n - 1, 2)
-    to_mark = [mark["x"], mark["y"]] - points[:-1]
+    to_label = [label["x"], label["y"]] - points[:-1]
     squares = np.sum(steps**2, axis=1)
-    along = np.divide(np.sum(to_mark * steps, axis=1), squares, out=np.zeros_like(squares), where=squares > 0.0)
-    distances = np.hypot(*(to_mark - along.clip(0.0, 1.0)[:, None] * steps).T)
-    between = 3.6 * np.stack([speed[:-1], speed[1:]])[:, distances <= distances.min() + near]  # (2, k)
-    shown = float(mark["text"].removesuffix(" km/h"))
-    if not np.any((between.min(axis=0) - 0.51 <= shown) & (shown <= between.max(axis=0) + 0.51)):
-        yield f"{mark['text']} where the car has {between.mean():.1f} km/h"
+    products = np.sum(to_label * steps, axis=1)
+    share = np.divide(products, squares, out=np.zeros_like(squares), where=squares > 0.0)  # of each step, passed
+    foot = share.clip(0.0, 1.0)[:, None] * steps
+    distances = np.hypot(*(to_label - foot).T)
+    is_near = distances <= distances.min() + near
+    between = 3.6 * np.stack([speed[:-1], speed[1:]])[:, is_near]  # (2, k)
+    shown = float(label["text"].removesuffix(" km/h"))
+    fits = (between.min(axis=0) - 0.51 <= shown) & (shown <= between.max(axis=0) + 0.51)
+    if not fits.any():
+        yield f"{label['text']} where the car has {between.mean():.1f} km/h"
 
 
 # columns that a side view shows beside the car: column of path.csv and its SI unit
@@ -79,35 +87,45 @@ def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], stored: Sto
     run = stored.run_of_method(stored.methods.index(drawn["name"]))
     frames = run["fields.t"].size
     stations = np.abs(run["fields.s"][:, None] - np.array(view["s"])).argmin(axis=0)  # (m,)
-    expected = {"t": run["fields.t"]} | {name: run[f"fields.{name}"][:, stations] for name in ("u", "v", "T")}
+    expected = {name: run[f"fields.{name}"][:, stations] for name in ("u", "v", "T")}
+    expected["t"] = run["fields.t"]
     series = {name: cable[name] for name in expected}
     of_car = _drawn_series_of_car(run)
     series |= {name: drawn[name] for name in of_car}
     expected |= of_car
     beside_car = _series_beside_car(run, of_car)
     for beside in drawn["readout"]:
-        name, _, unit = beside["name"].rstrip("]").partition(" [")
+        name, unit = _name_and_unit(beside["name"])
         values, si = beside_car[name]
         series[name] = beside["data"]
         expected[name] = values / si_factor(unit, si)
     if si_factor(view["unitName"], "N") != view["unit"]:
         yield f"forces are in {view['unitName']} but divided by {view['unit']}"
+    of_points = 1e-4 * larger_extent_at_rest(run)
     for name, values in expected.items():
-        rounding = 1e-4 * larger_extent_at_rest(run) if name in ("x", "y") else 0.0
-        yield from _packed_series_faults(name, series[name], values, rounding)
+        yield from _packed_series_faults(name, series[name], values, of_points if name in ("x", "y") else 0.0)
         if _unpack_series(series[name]).size not in (values.size, values.size // frames * (frames + 1)):
             yield f"{name} has other frames than are stored"
 
 
+def _name_and_unit(label: str) -> tuple[str, str]:
+    """NAME and UNIT of "NAME [UNIT]"."""
+    name, _, unit = label.rstrip("]").partition(" [")
+    return name, unit
+
+
 def _drawn_series_of_car(run: Run) -> dict[str, Array]:
     """Position, point and both tensions (k,) of the car at the frames; where one side is unknown, the other's."""
-    car = car_points_at_frames(run)
+    x, y = car_points_at_frames(run).T
     behind = run["fields.T_behind"]
     ahead = run["fields.T_ahead"]
     return {
-        "s": run["fields.s_o"], "x": car[:, 0], "y": car[:, 1],
-        "behind": np.where(np.isnan(behind), ahead, behind), "ahead": np.where(np.isnan(ahead), behind, ahead),
-    }  # fmt: skip
+        "s": run["fields.s_o"],
+        "x": x,
+        "y": y,
+        "behind": np.where(np.isnan(behind), ahead, behind),
+        "ahead": np.where(np.isnan(ahead), behind, ahead),
+    }
 
 
 def _series_beside_car(run: Run, of_car: dict[str, Array]) -> dict[str, tuple[Array, str]]:
@@ -147,57 +165,66 @@ class RopeGrid(NamedTuple):
 def rope_csv_and_side_view_faults(html_text: str, folder: Path, motion: Any) -> Faults:
     """Faults of rope.csv, and of the side view of a line in motion; motion : a `cablefem.motion.LineMotion`."""
     rope = read_csv_columns(folder / "rope.csv")
-    t = np.unique(rope["t"])
-    stations = np.searchsorted(motion.s, np.unique(rope["s"]) - 1e-9 * motion.s[-1])  # (m,)
-    steps = np.searchsorted(motion.t, t - 1e-9 * motion.t[-1])  # (n,)
-    shape = steps.size, stations.size
-    grid = np.ix_(steps, stations)
-    columns = {
-        "t": np.broadcast_to(motion.t[steps, None], shape), "s": np.broadcast_to(motion.s[stations], shape),
-        "x": motion.points[grid][..., 0], "y": motion.points[grid][..., 1], "T": motion.tension[grid],
-    }  # fmt: skip
-    for name, values in columns.items():
+    grid = _rope_grid(motion, np.unique(rope["t"]), np.unique(rope["s"]))
+    for name, values in grid.series.items():
         allowed = ROUNDING * np.nanmax(np.abs(values)) + 1e-12
         if not np.allclose(rope[name], values.ravel(), rtol=0.0, atol=allowed, equal_nan=True):
             yield f"rope.csv: {name} is not what was computed"
-    if not np.allclose(t[[0, -1]], motion.t[[0, -1]], rtol=1e-9, atol=0.0):
+    if not np.allclose(rope["t"][[0, -1]], motion.t[[0, -1]], rtol=1e-9, atol=0.0):
         yield "rope.csv ends before the run does"
     for data in contents_of_tags('script type="application/json"', html_text):
         cable = json.loads(data)["cables"][0]
-        for fault in _drawn_line_faults(cable, RopeGrid(steps, columns), folder, motion):
+        for fault in _drawn_line_faults(cable, grid, folder, motion):
             yield f"side view: {fault}"
+
+
+def _rope_grid(motion: Any, t: Array, s: Array) -> RopeGrid:
+    """The grid of a line's motion at times t (n,) and positions s (m,), up to their rounding."""
+    steps = np.searchsorted(motion.t, t - 1e-9 * motion.t[-1])
+    stations = np.searchsorted(motion.s, s - 1e-9 * motion.s[-1])
+    at = np.ix_(steps, stations)
+    T = motion.tension[at]
+    points = motion.points[at]  # (n, m, 2)
+    series = {
+        "t": np.broadcast_to(motion.t[steps, None], T.shape),
+        "s": np.broadcast_to(motion.s[stations], T.shape),
+        "x": points[..., 0],
+        "y": points[..., 1],
+        "T": T,
+    }
+    return RopeGrid(steps, series)
 
 
 def _drawn_line_faults(cable: dict[str, Any], grid: RopeGrid, folder: Path, motion: Any) -> Faults:
     """Faults of the packed rope and cars of a line in motion."""
-    on_rope = np.isfinite(grid.series["T"])
+    on_rope = np.isfinite(grid.series["T"]).ravel()
     for name, column in (("u", "x"), ("v", "y"), ("T", "T")):
-        shown = _unpack_series(cable[name]).reshape(on_rope.shape)
-        computed = grid.series[column]
-        yield from series_faults(name, shown[on_rope], computed[on_rope], 1.0, _packing_rounding(cable[name]))
+        shown = _unpack_series(cable[name])[on_rope]
+        computed = grid.series[column].ravel()[on_rope]
+        yield from series_faults(name, shown, computed, 1.0, _packing_rounding(cable[name]))
     yield from _packed_series_faults("t", cable["t"], grid.series["t"][:, 0])
     for car in motion.cars:
         drawn = next(x for x in cable["touching"] if x["name"] == car.name)
-        path = {name: x[grid.steps] for name, x in read_csv_columns(folder / f"path-{car.name}.csv").items()}
+        path = read_csv_columns(folder / f"path-{car.name}.csv")
         for fault in _drawn_car_faults(drawn, car, grid.steps, path):
             yield f"{car.name}: {fault}"
 
 
 def _drawn_car_faults(drawn: dict[str, Any], car: Any, steps: NDArray[np.intp], path: dict[str, Array]) -> Faults:
-    """Faults of a packed car; path : columns of its path.csv at these steps."""
-    x, y = car.point[steps].T
-    known = {"s": car.s[steps], "x": x, "y": y}
-    known |= {"behind": car.tension_behind[steps], "ahead": car.tension_ahead[steps]}
+    """Faults of a packed car, drawn at these steps; path : columns of its path.csv."""
+    x, y = car.point.T
+    known = {"s": car.s, "x": x, "y": y, "behind": car.tension_behind, "ahead": car.tension_ahead}
     if car.turning is not None:
-        known["turn"] = car.turning.angle[steps]
+        known["turn"] = car.turning.angle
         if drawn["body"] != ("wheels" if car.turning.wheels else "hangs"):
             yield "another body is drawn"
     for name, values in known.items():
-        yield from _packed_series_faults(name, drawn[name], values)
+        yield from _packed_series_faults(name, drawn[name], values[steps])
     columns = BESIDE | {"deflection": ("v", "m"), "swing": ("swing", "deg"), "pitch": ("pitch", "deg")}
     columns |= {f"tension {side}": (f"T_{side}", "N") for side in ("behind", "ahead")}
     columns |= {f"{side} wheel": (f"wheel_{side}", "N") for side in ("rear", "front")}
     for beside in drawn["readout"]:
-        name, _, unit = beside["name"].rstrip("]").partition(" [")
+        name, unit = _name_and_unit(beside["name"])
         column, si = columns[name]
-        yield from _packed_series_faults(name, beside["data"], path[column] / si_factor(unit, si))
+        values = path[column][steps] / si_factor(unit, si)
+        yield from _packed_series_faults(name, beside["data"], values)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
-from functools import cache
+from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from validation.core.scene_data import SceneData
 
 Faults = Iterator[str]
 Run = dict[str, Any]  # stored arrays of a method by name, its TOML as "scene", its numbers as "rest"
@@ -44,11 +46,18 @@ class StoredResults:
     @cache  # noqa: B019  a few, short-lived
     def run_of_method(self, index: int) -> Run:
         """The stored arrays of a method, and its scene's TOML."""
-        with np.load(self.folder / self.methods[index] / "response.npz", allow_pickle=False) as data:
-            run: Run = {name: data[name] for name in data.files if name != "_rest"}
-            run["rest"] = json.loads(str(data["_rest"]))
+        file = self.folder / self.methods[index] / "response.npz"
+        with np.load(file, allow_pickle=False) as data:
+            run: Run = dict(data)
+        run["rest"] = json.loads(str(run.pop("_rest")))
         run["scene"] = tomllib.loads(run["rest"]["scene_toml"])
         return run
+
+    @cached_property
+    def scene_data(self) -> SceneData:
+        """Numbers of the scene, SI."""
+        rest = self.run_of_method(0)["rest"]
+        return SceneData(rest["scene_toml"], rest["length"])
 
 
 def worst_asked_verdict(rows: Iterable[Row]) -> str | None:

@@ -86,7 +86,7 @@ def quantity_words(row: Row) -> str:
 def comparison_words(row: Row) -> str:
     """What a row of agreement.json compares, in the words of the page."""
     words = (row["quantity"].replace("_", " "), row.get("law"), row.get("with"))
-    return plain_text(": ".join(x for x in words if x))
+    return plain_text(": ".join(filter(None, words)))
 
 
 def shows_design_number(text: str, row: Row) -> bool:
@@ -97,8 +97,10 @@ def shows_design_number(text: str, row: Row) -> bool:
     endings = ["m/s", "km/h"] if row["unit"] == "m/s" else [""]
     if len(parts) != len(endings):
         return False
-    have_units = all(part.endswith(ending) for part, ending in zip(parts, endings, strict=True))
-    return have_units and all(shows_value(part, row["value"], row["unit"], bar=row.get("bar")) for part in parts)
+    for part, ending in zip(parts, endings, strict=True):
+        if not (part.endswith(ending) and shows_value(part, row["value"], row["unit"], bar=row.get("bar"))):
+            return False
+    return True
 
 
 def contents_of_tags(tag: str, html_text: str) -> list[str]:
@@ -107,6 +109,12 @@ def contents_of_tags(tag: str, html_text: str) -> list[str]:
     return re.findall(rf"<{tag}[^>]*>(.*?)</{name}>", html_text, re.S)
 
 
-def cell_texts(html_row: str) -> list[str]:
-    """Plain texts of the cells of a table's row, or of its heads."""
-    return [plain_text(x) for x in contents_of_tags("t[hd]", html_row)]
+def rows_of_table(html_table: str) -> list[list[str]]:
+    """Plain texts of the cells of each row of a table, of which the first holds the names of the columns."""
+    rows = contents_of_tags("tr", html_table)
+    return [[plain_text(cell) for cell in contents_of_tags("t[hd]", row)] for row in rows]
+
+
+def rows_of_each_table(html_text: str) -> list[list[list[str]]]:
+    """See `rows_of_table`, of all tables."""
+    return [rows_of_table(table) for table in contents_of_tags("table", html_text)]

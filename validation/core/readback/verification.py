@@ -28,8 +28,10 @@ def _verification_row_faults(stored: StoredResults, row: Row, gap: Row) -> Fault
     expected = _expected_verification_numbers(stored, row, gap, size)
     smallest = 0.0
     for direction in ("space", "time"):
-        order = _observed_order(row[f"levels_{direction}"], row[f"ratios_{direction}"])
-        finest, half = row[f"levels_{direction}"][:2]
+        levels = row[f"levels_{direction}"]
+        ratios = row[f"ratios_{direction}"]
+        order = _observed_order(levels, ratios)
+        finest, half = levels[:2]
         if (order is None) is not (row[f"order_{direction}"] is None):
             yield f"order in {direction} {row[f'order_{direction}']} where {order} follows"
         elif order is not None:
@@ -37,7 +39,7 @@ def _verification_row_faults(stored: StoredResults, row: Row, gap: Row) -> Fault
         if finest != row["value"]:
             yield f"{finest} is not the value"
         credited = min(order or ORDERS[0], CREDITED)
-        smallest += SAFETY * abs(finest - half) / (row[f"ratios_{direction}"][0] ** credited - 1.0)
+        smallest += SAFETY * abs(finest - half) / (ratios[0] ** credited - 1.0)
     if smallest > row["bar"] * (1.0 + ROUNDING):
         yield f"the bar {row['bar']} is smaller than {smallest} from the last changes"
     for key, value in expected.items():
@@ -48,18 +50,21 @@ def _verification_row_faults(stored: StoredResults, row: Row, gap: Row) -> Fault
 def _expected_verification_numbers(stored: StoredResults, row: Row, gap: Row, size: float) -> dict[str, float]:
     """Values and bars of both solvers, their gap and its uncertainty; size : of the values."""
     i = stored.methods.index(row["method"])
-    values = [_stored_design_value(stored, method, row["quantity"]) for method in (i, 1 - i)]
-    bars = [size * gap[f"bar_{'ab'[method]}"] for method in (i, 1 - i)]
+    first, second = ("a", "b") if i == 0 else ("b", "a")
     return {
-        "value": values[0], "other": values[1], "bar": bars[0], "bar_other": bars[1],
-        "gap": abs(row["value"] - row["other"]), "uncertainty": math.hypot(row["bar"], row["bar_other"]),
-    }  # fmt: skip
+        "value": _stored_design_value(stored, i, row["quantity"]),
+        "other": _stored_design_value(stored, 1 - i, row["quantity"]),
+        "bar": size * gap[f"bar_{first}"],
+        "bar_other": size * gap[f"bar_{second}"],
+        "gap": abs(row["value"] - row["other"]),
+        "uncertainty": math.hypot(row["bar"], row["bar_other"]),
+    }
 
 
 def _stored_design_value(stored: StoredResults, method: int, quantity: str) -> float:
     """A design number of a method."""
-    value: float = next(x["value"] for x in stored.run_of_method(method)["rest"]["design"] if x["quantity"] == quantity)
-    return value
+    design = stored.run_of_method(method)["rest"]["design"]
+    return float(next(x["value"] for x in design if x["quantity"] == quantity))
 
 
 def _observed_order(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
@@ -73,4 +78,6 @@ def _observed_order(levels: Sequence[float], ratios: Sequence[float]) -> float |
         return r**p * (coarser**p - 1.0) / (r**p - 1.0) - fall
 
     low, high = ORDERS
-    return float(brentq(excess_of_fall, low, high)) if excess_of_fall(low) < 0.0 < excess_of_fall(high) else None
+    if not excess_of_fall(low) < 0.0 < excess_of_fall(high):
+        return None
+    return float(brentq(excess_of_fall, low, high))
