@@ -73,7 +73,7 @@ def position_where_mass_outruns_waves(r: MassPath) -> float:
     """s_o/l from which waves are slower than the mass and steepen: no bar holds there.  Infinite: nowhere."""
     if not isinstance(r, Response):
         return math.inf
-    if r.method in METHODS and not METHODS[r.method].resolves_waves:
+    if r.method in METHODS and not METHODS[r.method].tells_waves_from_ripples:
         return math.inf  # without a look at flags, which observes the run
     onsets = [float(flag.numbers["since"]) for flag in r.flags if flag.kind == "slow waves"]
     return min(onsets, default=math.inf)

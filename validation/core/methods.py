@@ -125,7 +125,7 @@ class Method:
         return "grading" in self.all_settings
 
     @property
-    def resolves_waves(self) -> bool:
+    def tells_waves_from_ripples(self) -> bool:
         """Whether waves slower than the mass, and compression at a point, can be told from ripples."""
         return self.wing == "elements" and self.space_order >= 2.0
 

@@ -69,7 +69,7 @@ class RunsOfMethod:
         ends = [end for end in (self.view.last_needed_position, self.end) if end is not None]
         self.window_end = min(ends, default=None)
 
-    def run_with(self, settings: dict[str, Any], until: float | None) -> Response:
+    def run_or_reuse(self, settings: dict[str, Any], until: float | None) -> Response:
         """The run with these settings to s_o/l = until or further."""
         for path in self.earlier:
             far = until is None or path.reached >= until * (1.0 - 1e-9)
@@ -84,7 +84,7 @@ class RunsOfMethod:
     def compute_ladder(self, settings: dict[str, Any]) -> Ladder:
         """The run with these settings and coarser ones, of which only the paths are computed."""
         space = self.method.resolution
-        finest = self.run_with(settings, self.window_end)
+        finest = self.run_or_reuse(settings, self.window_end)
         order = min(self.method.space_order, 1.5) if self.method.space_order > 1.0 else 1.0
         in_space = self._compute_branch(
             settings, space.setting, self._resolutions_from_finest(settings), space.refinement_ratio, order
@@ -100,7 +100,7 @@ class RunsOfMethod:
     ) -> Branch:
         """Runs with coarser values of a setting; values : from the finest on;  ratio : of a coarse and a fine value."""
         coarser = [settings | {name: value} for value in values[1:]]
-        runs = [self.run_with(x, self.window_end) for x in coarser]
+        runs = [self.run_or_reuse(x, self.window_end) for x in coarser]
         ratios = [ratio(coarse, fine) for fine, coarse in pairwise(values)]
         return Branch(tuple(runs), tuple(ratios), order)
 
@@ -120,13 +120,13 @@ class RunsOfMethod:
 
     def continued_with_error_bars(self, ladder: Ladder) -> Ladder:
         """The ladder with its finest run marched to the end, and bars."""
-        finest = self.run_with(ladder.finest.settings, self.end)
+        finest = self.run_or_reuse(ladder.finest.settings, self.end)
         until = self.window_end
         if self.view.last_needed_position is not None and finest.slack_onset_or_inf < SLACK_END:
             until = SLACK_END if self.end is None else min(self.end, SLACK_END)
 
         def continued(run: Response) -> Response:
-            return finest if run.settings == finest.settings else self.run_with(run.settings, until)
+            return finest if run.settings == finest.settings else self.run_or_reuse(run.settings, until)
 
         ladder = replace(ladder.map(continued), start_gap=self._relative_start_gap(finest))
         return with_error_bars(ladder, self.view)
@@ -141,7 +141,7 @@ class RunsOfMethod:
         enough = min(math.ceil(resolves / start), self.method.all_settings[space].allowed[1])
         if 2 * self.method.resolution_value(finest.settings) >= enough:
             return 0.0
-        resolved = self.run_with(finest.settings | {space: enough}, start * (1.0 + 1e-9))
+        resolved = self.run_or_reuse(finest.settings | {space: enough}, start * (1.0 + 1e-9))
         off = np.array([finest.x[0] - resolved.x[0], finest.y[0] - resolved.y[0]])
         return np.abs(off) / finest.max_deflection
 

@@ -91,7 +91,7 @@ def _slack_energy_flags(r: Response, weight: float, energy_range: float) -> list
 
 def _slow_wave_and_compression_flags(r: Response, scene: Scene, method: Method) -> list[Flag]:
     """Flag waves, of speed sqrt(N/rho), slower than the mass, and compression in part of an element."""
-    if not method.resolves_waves:
+    if not method.tells_waves_from_ripples:
         return []
     before_slack = 0.03  # s_o/l from compression at a point to slack of an element; right runs 0.01
     end = min(measures.WINDOW[1], r.reached, r.slack_onset_or_inf - before_slack)
