@@ -161,7 +161,7 @@ def test_the_outcome_says_where_a_rider_stays_and_is_read_back(line, ladders, tm
 def test_a_rattle_of_a_car_that_stays_is_no_event():
     """Of what happens within a centimeter the first stop counts, and the last breaking loose of a car that leaves."""
     drive = SimpleNamespace(rest_distance=0.01)
-    line = SimpleNamespace(cars=[SimpleNamespace(name="a", drive=drive)])
+    line = SimpleNamespace(cars_on_rope=[SimpleNamespace(name="a", drive=drive)])
     places = {0.0: 5.0, 1.0: 5.001, 2.0: 5.001, 3.0: 20.0, 4.0: 20.0, 5.0: 20.002, 6.0: 20.002, 8.0: 30.0, 9.0: 30.0}
     motion = SimpleNamespace(t=np.array([*places]), cars=[SimpleNamespace(name="a", s=np.array([*places.values()]))])
     names = [

@@ -50,6 +50,8 @@ from validation.page.motion import (
     motion_unit,
 )
 
+Events = Sequence[tuple[str, float]]  # name and time [s]
+
 # columns of path-NAME.csv, beside F_shoe and those of `turning_and_wheel_load_series`
 PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"
 
@@ -71,14 +73,16 @@ SINES = LineMethod("sines", "terms", 3, 0.9, lambda line, n: LineSines(line, n))
 
 def shortest_time_on_rail(system: Any, state: State) -> float:
     """[s] that cars on rails need for them at their present speed, the shortest; 0 without."""
-    cars = [
-        (car.rail, car.name) for car in (*system.line.cars_on_rope, *system.line.cars_off_rope) if car.rail is not None
-    ]
-    times = [abs((rail.end.x - rail.begin.x) / system.car_point_and_rates(name, state)[1, 0]) for rail, name in cars]
+    times = []
+    for car in (*system.line.cars_on_rope, *system.line.cars_off_rope):
+        if car.rail is not None:
+            length = car.rail.end.x - car.rail.begin.x
+            speed = system.car_point_and_rates(car.name, state)[1, 0]
+            times.append(abs(length / speed))
     return float(min(times, default=0.0))
 
 
-def shoe_pull_down_sentences(line: Line, motion: LineMotion) -> list[str]:
+def shoe_holds_down_sentences(line: Line, motion: LineMotion) -> list[str]:
     """Where a shoe would have to hold a car down, and which speed or length of the shoe would do without.
 
     The share of its force that the turn of the path takes grows with the speed squared, and falls with the length.
@@ -86,26 +90,25 @@ def shoe_pull_down_sentences(line: Line, motion: LineMotion) -> list[str]:
     out = []
     shoes = [(c.at[0], c.shoe, c.name) for c in line.contact if c.shoe is not None]
     light = 0.01  # of its weight: a shoe that pulls a car down by less
-    for car, data in zip(motion.cars, line.car, strict=True):
-        weight, i = data.mass * line.gravity, int(np.argmin(car.shoe_force))
-        if car.shoe_force[i] > -light * weight:
+    for car, table in zip(motion.cars, line.car, strict=True):
+        i = int(np.argmin(car.shoe_force))
+        down = -car.shoe_force[i] / (table.mass * line.gravity)
+        if down < light:
             continue
         x = car.point[i, 0]
         _, shoe, name = min(shoes, key=lambda at: abs(at[0] - x))
         lifted = car.shoe_force < 0.0
-        (vx, vy), (ax, ay) = car.velocity[lifted].T, car.acceleration[lifted].T
-        turn = data.mass * np.sign(vx) * (vx * ay - vy * ax) / np.hypot(vx, vy)  # down
+        vx, vy = car.velocity[lifted].T
+        ax, ay = car.acceleration[lifted].T
+        turn = table.mass * np.sign(vx) * (vx * ay - vy * ax) / np.hypot(vx, vy)  # down
         share = float(np.min(1.0 + car.shoe_force[lifted] / turn))
         enough = "no speed would do without"
         if share > 0.0:
             slower = math.floor(100.0 * math.sqrt(share))
             enough = f"about {slower} % of its speed or a shoe of {math.ceil(shoe / share)} m would do without"
-        down = -car.shoe_force[i] / weight
         where = f"at x = {x:.1f} m (F_shoe in path-{car.name}.csv)"
-        out.append(
-            f"the shoe of {name} would have to hold the car '{car.name}' down with {down:.2f} of its weight {where}; "
-            f"{enough}"
-        )
+        held = f"the shoe of {name} would have to hold the car '{car.name}' down with {down:.2f} of its weight"
+        out.append(f"{held} {where}; {enough}")
     return out
 
 
@@ -114,16 +117,15 @@ def faster_than_waves_sentences(line: Line, motion: LineMotion) -> list[str]:
     rho = line.cable.mass_per_length + line.cable.ice_mass_per_length
     out = []
     for car in motion.cars:
-        fast = np.flatnonzero(rho * car.ds**2 > np.fmin(car.tension_behind, car.tension_ahead))
+        tension = np.fmin(car.tension_behind, car.tension_ahead)
+        fast = np.flatnonzero(rho * car.ds**2 > tension)
         if fast.size:
             waves = f"faster than transverse waves from x = {car.point[fast[0], 0]:.1f} m on"
             out.append(f"{car.name} is {waves}, where error bars are no bound")
     return out
 
 
-def events_without_rattling(
-    events: Sequence[tuple[str, float]], line: MovingLine, motion: LineMotion
-) -> tuple[tuple[str, float], ...]:
+def events_without_rattling(events: Events, line: MovingLine, motion: LineMotion) -> tuple[tuple[str, float], ...]:
     """Events, name and time, without those of cars that stay within `rest_distance` of where they came to rest.
 
     Waves in an undamped rope rattle a car that friction holds by 1e-5 m, at times that do not converge.
@@ -134,37 +136,38 @@ def events_without_rattling(
     return tuple(event for i, event in enumerate(events) if i not in rattling)
 
 
-def _rattling_events(events: Sequence[tuple[str, float]], car: Car, motion: LineMotion) -> set[int]:
+def _rattling_events(events: Events, car: Car, motion: LineMotion) -> set[int]:
     """Indices of the events of one car that leave it within `rest_distance` of where it came to rest."""
     s = next(moved for moved in motion.cars if moved.name == car.name).s
     rattling = set[int]()
     rest = float(s[0])
     rested = False
-    for i, arrives, there in _stops_and_starts(events, car.name, motion.t, s):
-        moves = abs(there - rest) > car.drive.rest_distance
-        ends = not rested and i == len(events) - 1
-        lasts = moves or ends if arrives else moves and rested
+    for event in _stops_and_starts(events, car.name, motion.t, s):
+        moves = abs(event.s_at_rest - rest) > car.drive.rest_distance
+        ends = not rested and event.event_index == len(events) - 1
+        lasts = moves or ends if event.stops else moves and rested
         if not lasts:
-            rattling.add(i)
-        elif arrives:
-            rest = there
+            rattling.add(event.event_index)
+        elif event.stops:
+            rest = event.s_at_rest
             rested = True
     return rattling
 
 
-def _stops_and_starts(
-    events: Sequence[tuple[str, float]], name: str, t: Array, s: Array
-) -> Iterator[tuple[int, bool, float]]:
-    """Index of each event at which a car stops or breaks loose, whether it stops, and s there, or where it stops next.
+class StopOrStart(NamedTuple):
+    event_index: int  # among all events
+    stops: bool  # else it breaks loose
+    s_at_rest: float  # where it stops, or will stop next
 
-    t, s : times and positions of the car (n,).
-    """
-    stops = f"{name} stops"
-    own = [i for i, (event, _) in enumerate(events) if event in (stops, f"{name} breaks loose")]
-    positions = [*np.interp([events[i][1] for i in own], t, s).tolist(), float(s[-1])]
-    for n, i in enumerate(own):
-        arrives = events[i][0] == stops
-        yield i, arrives, positions[n] if arrives else positions[n + 1]
+
+def _stops_and_starts(events: Events, name: str, t: Array, s: Array) -> Iterator[StopOrStart]:
+    """Events at which a car stops or breaks loose; t, s : its times and positions (n,)."""
+    kinds = {f"{name} stops": True, f"{name} breaks loose": False}
+    own = [(i, kinds[event], time) for i, (event, time) in enumerate(events) if event in kinds]
+    at_events = np.interp([time for _, _, time in own], t, s)
+    positions = [*at_events.tolist(), float(s[-1])]
+    for n, (i, stops, _) in enumerate(own):
+        yield StopOrStart(i, stops, positions[n] if stops else positions[n + 1])
 
 
 def coarser_factors(space: int, time: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
@@ -224,8 +227,8 @@ class LineRuns:
         """
         self.method = method
         self.table = line
-        empty = line.solve_empty_line(catenary_line.solve)
         self.line = line_in_motion(line, catenary_line.solve)
+        empty = line.solve_empty_line(catenary_line.solve)
         rope = self.line.rope
         thermal_stretch = 1.0 + line.cable.thermal_strain
         self.length = rope.length or float(np.ptp(empty.s)) * thermal_stretch
@@ -233,16 +236,16 @@ class LineRuns:
         N = float(np.nanmax(empty.station_tensions))
         wheels = [(car.wheels, car.mass) for car in self.line.cars_on_rope if car.wheels is not None]
         pitches = [approximate_pitch_period(pair, mass, N) for pair, mass in wheels]
+        shortest = min(pitches, default=math.inf)
         # a car that pitches sends waves along the rope, which damp it: a rope too coarse for them lets it ring
         longest_span = float(np.diff(empty.s).max()) * thermal_stretch
         speed = math.sqrt(N / rope.mass_per_length)
-        waves = max((longest_span / (speed * period) for period in pitches), default=0.0)
-        waves = min(waves, 40.0)  # more take hours
+        waves = min(longest_span / (speed * shortest), 40.0)  # more take hours
         self.coarsest = max(method.coarsest, math.ceil(method.on_wave * waves / coarser))
         phases = self.line.phases
         if like is None:
             # coarsest steps: 120 in a run, 4 in a period of the pitch
-            rate = max(120 / self.line.t_end, *(4.0 / (period * coarser) for period in pitches), 0.0)
+            rate = max(120 / self.line.t_end, 4.0 / (shortest * coarser))
             self.grid = [np.linspace(t0, t1, max(2, math.ceil(rate * (t1 - t0))) + 1) for t0, t1 in phases]
             self.instants = np.unique(np.concatenate(self.grid))
         else:
@@ -275,32 +278,40 @@ class LineRuns:
         n = space * self.coarsest
         system = self.method.system(self.line, n)
         n_dof = system.n_dof
-        shares = [np.arange(time * (t.size - 1) + 1) / time for t in self.grid]
-        grid = [np.interp(share, np.arange(t.size), t) for share, t in zip(shares, self.grid, strict=True)]
+        grid = []
+        for t in self.grid:
+            shares = np.arange(time * (t.size - 1) + 1) / time
+            grid.append(np.interp(shares, np.arange(t.size), t))
         origin = self.line.rope.length if self.line.rope.length is not None else self.length
         s = np.linspace(origin - self.length, origin, 101)  # stations
         work = Work()
         parts: list[LineMotion] = []
-        run: list[State] = []
-        begun: tuple[Any, State | None] = system, None
+        states: list[State] = []
+        start: State | None = None
         steps = grid
         on_rail = 6  # coarsest steps of a car on a rail over a shoe
         while True:
-            part = self._march_one_system(*begun, steps, work)
-            parts.append(begun[0].observe(part.states, s))
-            run += part.states
-            if part.following is None:
+            march = self._march_one_system(system, start, steps, work)
+            parts.append(system.observe(march.states, s))
+            states += march.states
+            if march.following is None:
                 break
-            begun = part.following
-            finer = begun[1].t + shortest_time_on_rail(*begun) * np.linspace(0.0, 2.0, 2 * on_rail * time + 1)
+            system, start = march.following
+            finer = start.t + shortest_time_on_rail(system, start) * np.linspace(0.0, 2.0, 2 * on_rail * time + 1)
             steps = [np.union1d(t, finer[(finer > t[0]) & (finer < t[-1])]) for t in grid]
         motion = join_motions_in_time(parts)
+        events = [(event.name, event.t) for event in work.events]
         return LineRun(
-            method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
-            motion=with_wheel_loads_by_hand(motion, self.table, self.line, run),
-            events=events_without_rattling([(e.name, e.t) for e in work.events], self.line, motion), reason=part.reason,
-            period=self.period, instants=self.instants, n_dof=n_dof, steps=work.steps,
-        )  # fmt: skip
+            method=self.method.name,
+            settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
+            motion=with_wheel_loads_by_hand(motion, self.table, self.line, states),
+            events=events_without_rattling(events, self.line, motion),
+            reason=march.reason,
+            period=self.period,
+            instants=self.instants,
+            n_dof=n_dof,
+            steps=work.steps,
+        )
 
     def _march_one_system(self, system: Any, start: State | None, steps: list[Array], work: Work) -> SystemMarch:
         """The run of one system from a state on, or from its start; Refused where it does not begin."""
@@ -351,12 +362,14 @@ class MotionAnswers(LineAnswers):
         parts = []
         if self.moved.reason is not None:
             parts.append(Outcome("incomplete", f"the run broke: {self.moved.reason}"))
-        failures, too_close = self._failures_and_doubts()
-        parts += [*failures, *self._end_outcomes()]
-        sentences = [
-            *shoe_pull_down_sentences(self.line, self.motion), *faster_than_waves_sentences(self.line, self.motion),
-            *too_close, *(part.sentence for part in parts),
-        ]  # fmt: skip
+        failures, doubts = self._failures_and_doubts()
+        parts += failures
+        end = self._end_outcome()
+        if end is not None:
+            parts.append(end)
+        sentences = shoe_holds_down_sentences(self.line, self.motion)
+        sentences += faster_than_waves_sentences(self.line, self.motion)
+        sentences += [*doubts, *(part.sentence for part in parts)]
         largest = self.tension_max
         sentences.append(f"largest tension {largest['value'] / 1e3:.1f} kN at {largest['t']:.1f} s")
         return Outcome(parts[0].kind, "; ".join(sentences))
@@ -386,34 +399,39 @@ class MotionAnswers(LineAnswers):
         body, _, obstacle = who_over_what.rpartition(" over ")
         return Outcome("collides", f"would collide: {body or 'the rope'} hits {obstacle} by {-clearance:.2f} m")
 
-    def _end_outcomes(self) -> list[Outcome]:
-        """How the run ends; nothing of one that broke."""
-        places = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
-        end = self.moved.end
+    def _end_outcome(self) -> Outcome | None:
+        """How the run ends; None for one that broke."""
+        run = self.moved
+        almost = 1.0 - 1e-9
+        positions = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
         before = "".join(f"{sentence}; " for sentence in self._earlier_stop_sentences())
-        if self.moved.events and self.moved.events[-1][1] >= end * (1.0 - 1e-9):
-            name, t = self.moved.events[-1]
-            sentence = f"{before}{name} after {t:.1f} s with {places}"
-            if end >= self.moved.instants[-1] * (1.0 - 1e-9):
-                return [Outcome("ends", sentence)]
-            stand = name.endswith(" stops") and len(self.cars) > 1  # a run goes on while a car moves
-            whose = "for all cars " if len(self.cars) > 1 else ""
+        if run.events and run.events[-1][1] >= run.end * almost:
+            name, t = run.events[-1]
+            sentence = f"{before}{name} after {t:.1f} s with {positions}"
+            if run.end >= run.instants[-1] * almost:
+                return Outcome("ends", sentence)
+            several = len(self.cars) > 1
+            stand = name.endswith(" stops") and several  # a run goes on while a car moves
+            whose = "for all cars " if several else ""
             how = "all cars stand" if stand else f"this ends the run {whose}early"
-            return [Outcome("ends", f"{sentence}; {how}")]
-        if self.moved.reason is not None:
-            return []
-        return [Outcome("arrives", f"{before}ends after {end:.1f} s with {places}")]
+            return Outcome("ends", f"{sentence}; {how}")
+        if run.reason is not None:
+            return None
+        return Outcome("arrives", f"{before}ends after {run.end:.1f} s with {positions}")
 
     def _earlier_stop_sentences(self) -> Iterator[str]:
         """Where and when cars that stay to the end have stopped before it."""
         t = self.t
+        before_end = t[-1] * (1.0 - 1e-9)
         for car, table in zip(self.cars, self.line.car, strict=True):
-            own = [at for name, at in self.moved.events if name == f"{car.name} stops" and at < t[-1] * (1.0 - 1e-9)]
-            if not own or table.drive is None:
+            stops = [time for name, time in self.moved.events if name == f"{car.name} stops" and time < before_end]
+            if not stops or table.drive is None:
                 continue
-            if abs(float(np.interp(own[-1], t, car.s)) - car.s[-1]) <= table.drive.rest_distance:
-                x = float(np.interp(own[-1], t, car.point[:, 0]))
-                yield f"{car.name} stops at x = {x:.1f} m after {own[-1]:.1f} s"
+            last = stops[-1]
+            s = float(np.interp(last, t, car.s))
+            if abs(s - car.s[-1]) <= table.drive.rest_distance:
+                x = float(np.interp(last, t, car.point[:, 0]))
+                yield f"{car.name} stops at x = {x:.1f} m after {last:.1f} s"
 
     @property
     def methods(self) -> list[str]:
@@ -432,15 +450,17 @@ class MotionAnswers(LineAnswers):
         self._write_profile(folder)
         self._write_rope(folder)
         write_text(folder / "scene.toml", self.line.to_toml())
+        line = self.line
         moved = self.moved
-        write_json(folder / "summary.json", store.nulls_for_nonfinite({
-            "scene": self.line.name, "title": self.line.title, "method": moved.method, "settings": moved.settings,
-            "status": self.status, "reason": moved.reason, "outcome": self.outcome.sentence,
-            "outcome_kind": self.outcome.kind, "events": [{"event": name, "t": t} for name, t in moved.events],
-            "design": self.design, "limits": self.limits,
-            "round_trip": moved.period, "n_dof": moved.n_dof, "steps": moved.steps,
-            "seconds": seconds,
-        }))  # fmt: skip
+        outcome = self.outcome
+        events = [{"event": name, "t": t} for name, t in moved.events]
+        summary = {
+            "scene": line.name, "title": line.title, "method": moved.method, "settings": moved.settings,
+            "status": self.status, "reason": moved.reason, "outcome": outcome.sentence, "outcome_kind": outcome.kind,
+            "events": events, "design": self.design, "limits": self.limits, "round_trip": moved.period,
+            "n_dof": moved.n_dof, "steps": moved.steps, "seconds": seconds,
+        }  # fmt: skip
+        write_json(folder / "summary.json", store.nulls_for_nonfinite(summary))
 
     def _write_paths(self, folder: Path) -> None:
         """Write path-NAME.csv of each car."""
@@ -452,10 +472,8 @@ class MotionAnswers(LineAnswers):
             more = turning_and_wheel_load_series(car)
             if car.shoe_force.any():
                 more["F_shoe"] = car.shoe_force
-            columns = (
-                motion.t, car.s, *car.point.T, *w.T, car.tension_behind, car.tension_ahead, speed, car.haul_force,
-                car.contact_force, *more.values(),
-            )  # fmt: skip
+            columns = [motion.t, car.s, *car.point.T, *w.T, car.tension_behind, car.tension_ahead]
+            columns += [speed, car.haul_force, car.contact_force, *more.values()]
             write_csv(folder / f"path-{car.name}.csv", ",".join([PATH, *more]), np.stack(columns, axis=1))
 
     def _write_contacts(self, folder: Path) -> None:
@@ -478,27 +496,30 @@ class MotionAnswers(LineAnswers):
         """Write rope.csv: points and tension of every second station in some frames."""
         motion = self.motion
         count = 101  # frames, at most
-        frames = np.unique(np.searchsorted(motion.t, np.linspace(motion.t[0], motion.t[-1], count)))
+        times = np.linspace(motion.t[0], motion.t[-1], count)
+        frames = np.unique(np.searchsorted(motion.t, times))
         shown = slice(None, None, 2)  # stations
-        shape = frames.size, motion.s[shown].size
-        t = np.broadcast_to(motion.t[frames, None], shape)
-        s = np.broadcast_to(motion.s[shown], shape)
-        rope = np.stack([t, s, *np.moveaxis(motion.points[frames, shown], 2, 0), motion.tension[frames, shown]], axis=2)
-        write_csv(folder / "rope.csv", "t,s,x,y,T", rope.reshape(-1, 5))
+        s = motion.s[shown]
+        shape = frames.size, s.size, 1
+        columns = [
+            np.broadcast_to(motion.t[frames, None, None], shape), np.broadcast_to(s[:, None], shape),
+            motion.points[frames, shown], motion.tension[frames, shown, None],
+        ]  # fmt: skip
+        write_csv(folder / "rope.csv", "t,s,x,y,T", np.concatenate(columns, axis=2).reshape(-1, 5))
 
     def comparison_in_words(self, row: Agreement) -> str:
         """What a row compares."""
         return comparison_words(row.quantity, row.law)
 
     def output_faults(self, folder: Path, html: str) -> list[str]:
-        return [
-            *motion_laws.faults_of_line_files(folder, self.motion, self.design, self.moved.period),
-            *limit_faults(self.limits, tomllib.loads(self.line.to_toml()), self.design, ()),
-            *limit_table_faults(html, self.limits),
-            *motion_design_table_faults(html, self.design),
-            *rope_csv_and_side_view_faults(html, folder, self.motion),
-            *line_outcome_faults(folder),
-        ]
+        table = tomllib.loads(self.line.to_toml())
+        out = motion_laws.faults_of_line_files(folder, self.motion, self.design, self.moved.period)
+        out += limit_faults(self.limits, table, self.design, ())
+        out += limit_table_faults(html, self.limits)
+        out += motion_design_table_faults(html, self.design)
+        out += rope_csv_and_side_view_faults(html, folder, self.motion)
+        out += line_outcome_faults(folder)
+        return out
 
     def print_answer(self, seconds: float) -> None:
         """Print outcome, limits and the most important design numbers."""
@@ -530,8 +551,11 @@ def motion_answers(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agree
 def largest_car_deflection(line: Line, empty: LineState, motion: LineMotion) -> float:
     """Largest distance of a car from its point of the empty rope [m]; 1 without cars."""
     thermal_stretch = 1.0 + line.cable.thermal_strain
-    away = [car.point - empty_rope_points(empty, car.s / thermal_stretch) for car in motion.cars]
-    return max((float(np.hypot(*w.T).max()) for w in away), default=1.0)
+    deflections = []
+    for car in motion.cars:
+        w = car.point - empty_rope_points(empty, car.s / thermal_stretch)
+        deflections.append(float(np.hypot(*w.T).max()))
+    return max(deflections, default=1.0)
 
 
 def empty_rope_points(empty: LineState, s: Array) -> Array:
