@@ -176,7 +176,7 @@ def advice(folder, *changes):
     for old, new in changes:
         text = text.replace(old, new)
     (folder / "span.toml").write_text(text)
-    found = bodies.advise_on_bodies(load_line_or_none(folder / "span.toml"), 1e-2, folder)
+    found = bodies.advise_on_point_masses(load_line_or_none(folder / "span.toml"), 1e-2, folder)
     assert not undocumented_keys(folder / "advice.json")
     return {row["need"]: row for row in found["bodies"]}, *found["periods"], page.sections(folder)[0].summary
 
@@ -203,7 +203,7 @@ def test_a_trolley_may_not_be_a_point_where_it_stops_at_once(tmp_path):
 
 
 def test_a_cabin_that_is_stopped_may_not_be_a_point(tmp_path):
-    found = bodies.advise_on_bodies(Line.load("emergency-stop"), 1e-2, tmp_path)
+    found = bodies.advise_on_point_masses(Line.load("emergency-stop"), 1e-2, tmp_path)
     haul = next(row for row in found["bodies"] if row["need"] == "haul force")
     assert not haul["enough"]
     assert haul["run"] == pytest.approx(haul["formula"], rel=0.15)

@@ -138,9 +138,10 @@ def test_a_cell_of_the_atlas(name):
         "steps": 100,
     }
     drawn = {"name": "mine", "scene": {}, "methods": [[name, settings]]}
-    (cell,) = atlas.compute_cells_at(drawn, 100.0, 4.0)
+    (cell,) = atlas.cells_of_all_methods(drawn, 100.0, 4.0)
     assert cell["class"] in ("good", "poor", "wrong")
-    assert (name in dict(atlas.methods_of_map(atlas.MAPS["map"][0]))) == (find_method(name).atlas_settings is not None)
+    mapped = dict(atlas.methods_with_fixed_settings(atlas.MAPS["map"][0]))
+    assert (name in mapped) == (find_method(name).atlas_settings is not None)
 
 
 def test_a_case_of_an_oracle(monkeypatch):

@@ -222,7 +222,7 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
     usual = find_method(study.BASE).settings_for_scene(ride.groups, {})["scheme"]  # a line of its own already
     assert not {f"scheme {usual}"} & set(lines)
     for name, why in {"fixed-p1-path": "rolls", "model string": "rolls", "opensees": "grips", "exudyn": None}.items():
-        found = study._refusal_reason(ride, lines[name])
+        found = lines[name].refusal_reason(ride)
         assert found is None if why is None else why in found
     truth, r = (run(ride, "following-p2", elements=n, steps=steps) for n, steps in ((8, 400), (4, 150)))
     known = study._Reference(truth, measures.common_window(truth), {})

@@ -6,14 +6,14 @@ By formula and by run: the line with its bodies against the same line with point
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from cablefem.motion import CarMotion
-from cablefem.response import write_json
+from cablefem.response import Array, write_json
+from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car
 from cablefem.scene.drive import Thrust
 from cablefem.scene.line import Car as CarTable
@@ -29,38 +29,44 @@ from validation.core.wheels import approximate_pitch_period, neglected_wheel_loa
 Row = dict[str, Any]
 
 
-def advise_on_bodies(line: Line, tol: float, out: Path, report: Progress = no_progress) -> Row:
+def advise_on_point_masses(line: Line, tol: float, out: Path, report: Progress = no_progress) -> Row:
     """Write advice.json: distances of points from bodies, and periods beside starts and stops."""
-    runs: list[LineRuns] = []
-    for model in ("rigid", "point"):
-        report("bodies and points", 0.5 * len(runs))
-        runs.append(LineRuns(ELEMENTS, _line_with_body_model(line, model), runs[0] if runs else None))
-    body, point = (x.run(2, 2) for x in runs)
-    scales = reference_scales(line, body)
-    allowed = {"path": tol * scales.path, "tension": FORCES * tol * scales.tension}
+    report("bodies and points", 0.0)
+    bodies = LineRuns(ELEMENTS, _line_with_car_model(line, "rigid"))
+    report("bodies and points", 0.5)
+    points = LineRuns(ELEMENTS, _line_with_car_model(line, "point"), bodies)
+    body_run = bodies.run(2, 2)
+    point_run = points.run(2, 2)
+    scales = reference_scales(line, body_run)
+    force_tol = FORCES * tol
     rows: list[Row] = []
     periods: list[Row] = []
     short = 0.1  # period over the duration of a start or stop that a point follows
-    for table, car, a, b in zip(line.car, runs[0].line.cars_on_rope, body.motion.cars, point.motion.cars, strict=True):
-        if a.turning is None:
+    cars = zip(line.car, bodies.line.cars_on_rope, body_run.motion.cars, point_run.motion.cars, strict=True)
+    for table, car, body, point in cars:
+        if body.turning is None:
             continue
-        period = _pitch_or_swing_period(table, line.gravity, b)
-        ramp = _shortest_ramp_duration(car)
+        period = _pitch_or_swing_period(table, line.gravity, point)
+        ramp = _shortest_start_or_stop(car)
         periods.append({"car": car.name, "period": period, "ramp": ramp, "short": period <= short * ramp})
-        formulas = _point_errors_by_formula(table, line.gravity, point, b, ramp, period)
-        for need, distance in _point_errors_by_runs(body, a, point, b):
-            limit = allowed.get(need, FORCES * tol * scales.weights[car.name])
-            rows.append({
-                "car": car.name, "need": need.replace("_", " "), "unit": "m" if need == "path" else "N",
-                "formula": formulas.get(need), "run": distance, "allowed": limit, "enough": distance <= limit,
-            })  # fmt: skip
+        if table.wheels is not None:
+            formulas = _point_errors_of_wheels(table.wheels, table.mass, line.gravity, point_run.motion.t, point)
+        else:
+            assert table.hanger is not None
+            formulas = {"haul force": _haul_force_error_of_cabin(table.hanger, point, ramp, period)}
+        allowed = {"path": tol * scales.path, "tension": force_tol * scales.tension}
+        for need, distance in _max_distances_by_need(body_run, body, point_run, point).items():
+            limit = allowed.get(need, force_tol * scales.weights[car.name])
+            row: Row = {"car": car.name, "need": need.replace("_", " "), "unit": "m" if need == "path" else "N"}
+            row |= {"formula": formulas.get(need), "run": distance, "allowed": limit, "enough": distance <= limit}
+            rows.append(row)
     content = {"scene": line.name, "scene_toml": line.to_toml(), "tol": tol, "bodies": rows, "periods": periods}
     write_json(out / "advice.json", store.nulls_for_nonfinite(content))
     return content
 
 
-def _line_with_body_model(line: Line, model: str) -> Line:
-    """The line whose cars are bodies ("rigid") or points ("point"), which have no cabin and no thrust at an angle."""
+def _line_with_car_model(line: Line, model: Literal["rigid", "point"]) -> Line:
+    """The line whose cars are bodies or points; a point has no cabin and no thrust at an angle."""
     changes: dict[str, Any] = {}
     for car in line.car:
         if car.wheels is not None and car.wheels.inertia:
@@ -72,15 +78,16 @@ def _line_with_body_model(line: Line, model: str) -> Line:
     return line.replace(changes)
 
 
-def _shortest_ramp_duration(car: Car) -> float:
-    """Shortest start or stop [s] of a timetable; 0 of a free car, whose forces jump."""
+def _shortest_start_or_stop(car: Car) -> float:
+    """Shortest phase [s] of a timetable that accelerates; 0 of a free car, whose forces jump."""
     if car.travel is None:
         return 0.0
-    ramps = []
+    durations = []
     for i, (t0, t1) in enumerate(car.travel.phases):
-        if car.travel.position_with_rates(0.5 * (t0 + t1), i)[2]:
-            ramps.append(t1 - t0)
-    return min(ramps, default=math.inf)
+        acceleration = car.travel.position_with_rates(0.5 * (t0 + t1), i)[2]
+        if acceleration:
+            durations.append(t1 - t0)
+    return min(durations, default=math.inf)
 
 
 def _pitch_or_swing_period(table: CarTable, gravity: float, motion: CarMotion) -> float:
@@ -89,46 +96,51 @@ def _pitch_or_swing_period(table: CarTable, gravity: float, motion: CarMotion) -
         return approximate_pitch_period(table.wheels, table.mass, float(np.min(motion.tension_ahead)))
     assert table.hanger is not None
     h = table.hanger.length
-    return 2.0 * math.pi * math.sqrt((table.hanger.gyration**2 + h**2) / (gravity * h))
+    inertia_per_mass = table.hanger.gyration**2 + h**2
+    return 2.0 * math.pi * math.sqrt(inertia_per_mass / (gravity * h))
 
 
-def _point_errors_by_formula(
-    table: CarTable, gravity: float, run: LineRun, motion: CarMotion, ramp: float, period: float
-) -> dict[str, float]:
-    """Distances of a point from a body by need: m g cos(beta) b/(4 N) of the path.
+def _point_errors_of_wheels(
+    wheels: Wheels, mass: float, gravity: float, t: Array, motion: CarMotion
+) -> dict[str, float]:  # fmt: skip
+    """By need, what a point misses of two wheels: m g cos(beta) b/(4 N) [m] of the path, loads of wheels [N]."""
+    lever = 0.5 * wheels.base / (motion.tension_behind + motion.tension_ahead)  # b/(4 N)
+    path = float(np.max(motion.contact_force * lever))
+    load = neglected_wheel_load(wheels, mass, gravity, t, motion)
+    return {"path": path, "haul force": 0.0, "wheel_rear": load, "wheel_front": load}
 
-    Of a cabin 2 m a |sin(w t/2)| after a stop of t.
-    """
-    if table.wheels is not None:
-        lever = 0.5 * table.wheels.base / (motion.tension_behind + motion.tension_ahead)  # b/(4 N)
-        load = neglected_wheel_load(table.wheels, table.mass, gravity, run.motion.t, motion)
-        path = float(np.max(motion.contact_force * lever))
-        return {"path": path, "haul force": 0.0, "wheel_rear": load, "wheel_front": load}
-    assert table.hanger is not None
+
+def _haul_force_error_of_cabin(hanger: Hanger, motion: CarMotion, ramp: float, period: float) -> float:
+    """2 m a |sin(w t/2)| [N], what a point misses of a cabin that swings after a stop of t = ramp."""
     largest = float(np.max(np.linalg.norm(motion.acceleration, axis=1)))
     swings = abs(math.sin(math.pi * ramp / period)) if math.isfinite(ramp) else 0.0
-    return {"haul force": 2.0 * table.hanger.mass * largest * swings}
+    return 2.0 * hanger.mass * largest * swings
 
 
-def _point_errors_by_runs(body: LineRun, a: CarMotion, point: LineRun, b: CarMotion) -> Iterator[tuple[str, float]]:
-    """Needs, and the largest distance of a body from a point at equal times: across the rope, and of mean forces.
+def _max_distances_by_need(
+    body_run: LineRun, body: CarMotion, point_run: LineRun, point: CarMotion
+) -> dict[str, float]:  # fmt: skip
+    """By need, the largest distance of a body from a point at equal times.
 
-    a, b : the car in the runs with bodies and with points.
+    That of the path [m] is across the rope, those of forces [N] are of means over an axial round trip.
     """
-    assert a.turning is not None
-    end = min(body.end, point.end)
-    middle = np.mean([wheel.point for wheel in a.turning.wheels] or [a.point], axis=0)  # of both wheels (n, 2)
-    distance = body.at_common_instants(middle, end) - point.at_common_instants(b.point, end)
-    along = point.at_common_instants(b.slope_behind + b.slope_ahead, end)
+    assert body.turning is not None
+    end = min(body_run.end, point_run.end)
+    wheel_points = [wheel.point for wheel in body.turning.wheels] or [body.point]
+    middle = np.mean(wheel_points, axis=0)  # of both wheels (n, 2)
+    distance = body_run.at_common_instants(middle, end) - point_run.at_common_instants(point.point, end)
+    along = point_run.at_common_instants(point.slope_behind + point.slope_ahead, end)
     across = along[:, 0] * distance[:, 1] - along[:, 1] * distance[:, 0]
-    yield "path", float(np.max(np.abs(across) / np.linalg.norm(along, axis=1)))
-    forces = [("tension", a.tension_ahead, b.tension_ahead), ("haul force", a.haul_force, b.haul_force)]
-    loads = turning_and_wheel_load_series(b)
-    for name, values in turning_and_wheel_load_series(a).items():
-        if name in loads:
-            forces.append((name, values, loads[name]))
-    for need, of_body, of_point in forces:
+    out = {"path": float(np.max(np.abs(across) / np.linalg.norm(along, axis=1)))}
+
+    forces = {"tension": (body.tension_ahead, point.tension_ahead), "haul force": (body.haul_force, point.haul_force)}
+    point_loads = turning_and_wheel_load_series(point)
+    for name, values in turning_and_wheel_load_series(body).items():
+        if name in point_loads:
+            forces[name] = values, point_loads[name]
+    for need, (of_body, of_point) in forces.items():
         if np.isfinite(of_body).all():
-            mean = body.at_common_instants(body.mean_over_axial_round_trip(of_body), end)
-            point_mean = point.at_common_instants(point.mean_over_axial_round_trip(of_point), end)
-            yield need, float(np.max(np.abs(mean - point_mean)))
+            mean = body_run.at_common_instants(body_run.mean_over_axial_round_trip(of_body), end)
+            point_mean = point_run.at_common_instants(point_run.mean_over_axial_round_trip(of_point), end)
+            out[need] = float(np.max(np.abs(mean - point_mean)))
+    return out

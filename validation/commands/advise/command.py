@@ -31,7 +31,7 @@ def command(
 
         if faults := tolerance_faults(tol):
             raise store.Refused(faults)
-        run_study("advise", line, ["advice.json"], out, bodies.advise_on_bodies, line, tol)
+        run_study("advise", line, ["advice.json"], out, bodies.advise_on_point_masses, line, tol)
         return 0
     loaded = load_scene_or_refuse(scene, tolerance_faults(tol), needs_mass=True)
 

@@ -19,18 +19,21 @@ def sections(folder: Path) -> list[Section]:
     if "bodies" in x:
         return render_sections(__package__, "bodies.html", x=x)
     rungs = [r for r in x["rungs"] if "v" in r]
-    return render_sections(__package__, x=x, drawing=_plot_paths(x, rungs) if len(rungs) > 1 else "")
+    drawing = _plot_paths(x, rungs) if len(rungs) > 1 else ""
+    return render_sections(__package__, x=x, drawing=drawing)
 
 
 def _plot_paths(x: dict[str, Any], rungs: list[dict[str, Any]]) -> Markup:
     position = np.array(x["place"])
     end = x["range"][1]
     paths = [np.array(rung["v"], dtype=float) for rung in rungs]
-    size = np.nanmax(np.abs(paths[-1][position <= end + 1e-9]))
+    full = paths[-1][position <= end + 1e-9]
+    size = np.nanmax(np.abs(full))
     p = Panel("deflection, down [–]", "Path of the mass", height=240.0, down=True)
     for rung, v in zip(rungs, paths, strict=True):
         dash = DASHED if rung["load"] == "force" else ""
-        p.add_curve(position, v / size, COLOURS.get(rung["model"], BLACK), dash, 2.0, rung["name"])
+        colour = COLOURS.get(rung["model"], BLACK)
+        p.add_curve(position, v / size, colour, dash, 2.0, rung["name"])
     p.fit_y_axis([np.clip(v / size, -3.0, 5.0) for v in paths])
     caption = "Deflection from the static cable by each model, over the largest one of the full model."
     return svg_figure([p], (0.0, end), "place of the mass sₒ/l [–]", caption, wide=True)

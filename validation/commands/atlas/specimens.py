@@ -35,8 +35,8 @@ def _system_without_inertia_terms(*terms: str) -> type[GalerkinSystem]:
     class Faulty(GalerkinSystem):
         def _instant_at(self, *kinematics: float) -> Instant:
             x = super()._instant_at(*kinematics)
-            none = {name: np.zeros_like(getattr(x.inertia_terms, name)) for name in terms}
-            return x._replace(inertia_terms=x.inertia_terms._replace(**none))
+            zeros = {name: np.zeros_like(getattr(x.inertia_terms, name)) for name in terms}
+            return x._replace(inertia_terms=x.inertia_terms._replace(**zeros))
 
     return Faulty
 

@@ -3,6 +3,7 @@
 Finished cells are stored in cells.jsonl.
 """
 
+import itertools
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -23,9 +24,11 @@ RESULT = "atlas.json"
 MAPS = store.read_packaged_toml(__package__, "maps.toml")
 
 Map = dict[str, Any]  # as in maps.toml
+Cell = dict[str, Any]
+Settings = dict[str, Any]  # of a method
 
 
-def methods_of_map(m: Map) -> list[tuple[str, dict[str, Any]]]:
+def methods_with_fixed_settings(m: Map) -> list[tuple[str, Settings]]:
     """The methods of a map, with the settings that its axes do not have."""
     if "methods" in m:
         return [tuple(pair) for pair in m["methods"]]
@@ -33,17 +36,19 @@ def methods_of_map(m: Map) -> list[tuple[str, dict[str, Any]]]:
     for method in METHODS.values():
         if method.atlas_settings:
             resolution, steps = method.atlas_settings
-            out.append((method.name, {method.resolution.setting: resolution, "steps": steps}))
+            fixed = {method.resolution.setting: resolution, "steps": steps}
+            out.append((method.name, fixed))
     return out
 
 
 def scene_of_cell(m: Map, x: float, y: float) -> Scene:
     """The level scene with groups as the map says, which may be x or y; ValueError where there is none."""
     axes = {"x": x, "y": y}
-    return catalogue.level_scene(**{name: axes.get(value, value) for name, value in m.get("scene", {}).items()})
+    groups = {name: axes.get(value, value) for name, value in m.get("scene", {}).items()}
+    return catalogue.level_scene(**groups)
 
 
-def settings_of_cell(m: Map, x: float, y: float, method: str, fixed: dict[str, Any]) -> dict[str, Any]:
+def settings_of_cell(m: Map, x: float, y: float, method: str, fixed: Settings) -> Settings:
     """The method's settings in a cell, with about y unknowns per field on the map of resolution."""
     if m["name"] != "step-resolution":
         return fixed
@@ -51,7 +56,7 @@ def settings_of_cell(m: Map, x: float, y: float, method: str, fixed: dict[str, A
     return {**fixed, "steps": round(x), space.setting: space.value_for_unknowns(y)}
 
 
-def method_label(method: str, settings: dict[str, Any]) -> str:
+def method_label(method: str, settings: Settings) -> str:
     """The name of a method's map, with its scheme if it has one."""
     return f"{method}, {settings['scheme']}" if "scheme" in settings else method
 
@@ -76,36 +81,35 @@ def atlas(
         if json.loads(key)[0] == "cell":
             cells_of_maps += result
         else:
-            catalogue_rows.append(_row_with_verdict(result))
-    as_described = all(row["verdict"] == "agree" for row in catalogue_rows)
-    content = {
-        "verdict": "agree" if as_described else "disagree",
-        "maps": [m | {"methods": [method_label(*x) for x in methods_of_map(m)]} for m in maps],
-        "good": MAPS["good"], "wrong": MAPS["wrong"], "cells": cells_of_maps, "catalogue": catalogue_rows,
-    }  # fmt: skip
+            as_described = result["failure_shown"] and result["remedy_works"]
+            catalogue_rows.append(result | {"verdict": "agree" if as_described else "disagree"})
+    all_agree = all(row["verdict"] == "agree" for row in catalogue_rows)
+    labelled_maps = []
+    for m in maps:
+        labels = [method_label(*pair) for pair in methods_with_fixed_settings(m)]
+        labelled_maps.append(m | {"methods": labels})
+    content = {"verdict": "agree" if all_agree else "disagree", "maps": labelled_maps}
+    content |= {"good": MAPS["good"], "wrong": MAPS["wrong"], "cells": cells_of_maps, "catalogue": catalogue_rows}
     write_json(out / RESULT, content)
     return content
 
 
-def _row_with_verdict(row: catalogue.Row) -> catalogue.Row:
-    """A measured row of the catalogue with "agree" where the failure shows and the remedy works."""
-    holds = row["failure_shown"] and row["remedy_works"]
-    return row | {"verdict": "agree" if holds else "disagree"}
-
-
 def _with_every_fifth_value(m: Map) -> Map:
-    return m | {axis: m[axis] | {"values": m[axis]["values"][1::5]} for axis in "xy"}
+    thinned = {axis: m[axis] | {"values": m[axis]["values"][1::5]} for axis in "xy"}
+    return m | thinned
 
 
 def _jobs_by_key(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Callable[[], Any]]:
     """What computes each point of the maps and each row of the catalogue; the key names all that it depends on."""
     jobs: dict[str, Callable[[], Any]] = {}
     for m in maps:
-        for x in m["x"]["values"]:
-            for y in m["y"]["values"]:
-                used = [(name, settings_of_cell(m, x, y, name, fixed)) for name, fixed in methods_of_map(m)]
-                jobs[_job_key("cell", m["name"], x, y, used, MAPS["reference"])] = partial(compute_cells_at, m, x, y)
-    jobs |= {_job_key("row", row["name"]): partial(catalogue.measure_failure_and_remedy, row) for row in rows}
+        methods = methods_with_fixed_settings(m)
+        for x, y in itertools.product(m["x"]["values"], m["y"]["values"]):
+            used = [(name, settings_of_cell(m, x, y, name, fixed)) for name, fixed in methods]
+            key = _job_key("cell", m["name"], x, y, used, MAPS["reference"])
+            jobs[key] = partial(cells_of_all_methods, m, x, y)
+    for row in rows:
+        jobs[_job_key("row", row["name"])] = partial(catalogue.measure_failure_and_remedy, row)
     return jobs
 
 
@@ -117,9 +121,10 @@ def _job_key(*parts: Any) -> str:
 def _reference_run_with_error(toml: str) -> tuple[Response, float]:
     """The run to compare with, and its path error; infinite where that cannot be said."""
     scene = Scene.from_toml(toml)
-    settings = find_method("following-p2").complete_settings(MAPS["reference"])
-    fine = run(scene, "following-p2", **settings)
-    half = run(scene, "following-p2", **scaled_settings(find_method("following-p2"), settings, space=0.5, time=0.5))
+    method = find_method("following-p2")
+    settings = method.complete_settings(MAPS["reference"])
+    fine = run(scene, method, **settings)
+    half = run(scene, method, **scaled_settings(method, settings, space=0.5, time=0.5))
     try:
         gap = measures.relative_path_gap(half, fine, measures.common_window(half, fine)).largest
         return fine, gap / 3.0  # second order
@@ -127,21 +132,26 @@ def _reference_run_with_error(toml: str) -> tuple[Response, float]:
         return fine, math.inf
 
 
-def compute_cells_at(m: Map, x: float, y: float) -> list[dict[str, Any]]:
-    """The cells of all methods at a point of a map."""
-    out = [{"map": m["name"], "x": x, "y": y, "method": method_label(*method)} for method in methods_of_map(m)]
-    try:
-        scene = scene_of_cell(m, x, y)
-    except ValueError as error:
-        none = dict.fromkeys(("cause", "reached", "error", "slack_onset"))
-        return [cell | none | {"class": "no scene", "reason": str(error)} for cell in out]
-    for cell, (name, fixed) in zip(out, methods_of_map(m), strict=True):
-        cell["settings"] = settings_of_cell(m, x, y, name, fixed)
-        cell |= judged_cell(run(scene, name, **cell["settings"]), *_reference_run_with_error(scene.to_toml()))
-    return out
+def cells_of_all_methods(m: Map, x: float, y: float) -> list[Cell]:
+    """Run every method at a point of a map and judge it; without a scene there, cells that say why."""
+    cells = []
+    for name, fixed in methods_with_fixed_settings(m):
+        cell = {"map": m["name"], "x": x, "y": y, "method": method_label(name, fixed)}
+        cells.append(cell)
+        try:
+            scene = scene_of_cell(m, x, y)
+        except ValueError as error:
+            cell |= dict.fromkeys(("cause", "reached", "error", "slack_onset"))
+            cell |= {"class": "no scene", "reason": str(error)}
+            continue
+        settings = settings_of_cell(m, x, y, name, fixed)
+        r = run(scene, name, **settings)
+        reference, reference_error = _reference_run_with_error(scene.to_toml())
+        cell |= {"settings": settings, **judged_cell(r, reference, reference_error)}
+    return cells
 
 
-def judged_cell(r: Response, reference: Response, reference_error: float) -> dict[str, Any]:
+def judged_cell(r: Response, reference: Response, reference_error: float) -> Cell:
     """A cell: how far the run came, its path error with a class, and the cause of a failure.
 
     The error is taken up to the slack onset of the reference; a run that stops before is wrong.
@@ -152,26 +162,29 @@ def judged_cell(r: Response, reference: Response, reference_error: float) -> dic
     out = {"reached": r.reached, "error": None, "slack_onset": r.slack_onset, "cause": r.cause, "reason": r.reason}
     if stop < 0.05 or reference.reached < stop or "energy" in reference.flag_kinds:
         return out | {"class": "not judged", "reason": "the reference itself is not to be trusted here"}
+    window = measures.WINDOW[0], min(stop, r.reached)
     try:
-        error = measures.relative_path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached))).largest
+        error = measures.relative_path_gap(r, reference, window).largest
     except (measures.NotComparable, ValueError):
         error = math.inf
-    verdict, bound = _class_of_error(error, r.reached >= stop)
+    verdict, bound = _class_with_largest_error(error, r.reached >= stop)
     if reference_error > 0.5 * bound:
         return out | {"class": "not judged", "reason": f"the reference itself is sure to {reference_error:.2g} only"}
     if verdict != "good" and not r.cause:
-        out["cause"] = _failure_cause(r, stop)
+        out["cause"] = _cause_of_large_error(r, stop)
     return out | {"class": verdict, "error": error}
 
 
-def _class_of_error(error: float, complete: bool) -> tuple[str, float]:
+def _class_with_largest_error(error: float, complete: bool) -> tuple[str, float]:
     """The class of a path error, and the largest error of that class; a run that stops early is wrong."""
     if not complete or error >= MAPS["wrong"]:
         return "wrong", math.inf
-    return ("poor", MAPS["wrong"]) if error > MAPS["good"] else ("good", MAPS["good"])
+    if error > MAPS["good"]:
+        return "poor", MAPS["wrong"]
+    return "good", MAPS["good"]
 
 
-def _failure_cause(r: Response, stop: float) -> str:
+def _cause_of_large_error(r: Response, stop: float) -> str:
     """Why a run that did not break is not good."""
     if "energy" in r.flag_kinds:
         return "unstable"

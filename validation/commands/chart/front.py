@@ -1,5 +1,6 @@
 """The Pareto fronts of a chart, and the fastest row for an error."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -22,7 +23,8 @@ def pareto_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> li
 
 def our_pareto_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
     """The same among our methods and schemes on the full cable."""
-    return pareto_rows([r for r in rows if r["kind"] in OURS], quantity, work)
+    ours = [r for r in rows if r["kind"] in OURS]
+    return pareto_rows(ours, quantity, work)
 
 
 def seconds_at_error(rows: list[Row], error: float, quantity: str = "path") -> float | None:
@@ -30,30 +32,38 @@ def seconds_at_error(rows: list[Row], error: float, quantity: str = "path") -> f
 
     None where no row reaches it; of a better coarsest row, its seconds.
     """
+    error_key = f"{quantity}_error"
     best = pareto_rows(rows, quantity)
-    if not best or best[-1][f"{quantity}_error"] > error:
+    if not best or best[-1][error_key] > error:
         return None
-    seconds, errors = (np.log([r[name] for r in best]) for name in ("seconds", f"{quantity}_error"))
+    seconds = np.log([r["seconds"] for r in best])
+    errors = np.log([r[error_key] for r in best])
     return float(np.exp(np.interp(-np.log(error), -errors, seconds)))
 
 
 def fastest_methods_at_error(rows: list[Row], error: float) -> Row:
     """The fastest method for an error of path and of tension, and each peer's time (path)."""
-    by_series: dict[str, list[Row]] = {}
+    ours: dict[str, list[Row]] = {}  # by series
+    others: dict[str, list[Row]] = {}
     for row in rows:
-        by_series.setdefault(row["series"], []).append(row)
-    ours = {name: x for name, x in by_series.items() if x[0]["kind"] in OURS}
-    others = {name: x for name, x in by_series.items() if x[0]["kind"] == "peer"}
+        if row["kind"] in OURS:
+            ours.setdefault(row["series"], []).append(row)
+        elif row["kind"] == "peer":
+            others.setdefault(row["series"], []).append(row)
+    out = {"error": error, **_fastest_series_row(ours, error, "path")}
+    out["tension"] = _fastest_series_row(ours, error, "tension")
+    out["peers"] = {name: _peer_seconds_row(x, error, out["seconds"]) for name, x in others.items()}
+    return out
 
-    def fastest_series(quantity: str) -> Row:
-        seconds = {name: seconds_at_error(x, error, quantity) for name, x in ours.items()}
-        reached = {name: t for name, t in seconds.items() if t is not None}
-        name = min(reached, key=reached.__getitem__, default="")
-        return {"series": name or None, "seconds": reached.get(name), "cut": any(map(cut_by_budget, ours.values()))}
 
-    path = fastest_series("path")
-    peers = {name: _peer_seconds_row(x, error, path["seconds"]) for name, x in others.items()}
-    return {"error": error, **path, "tension": fastest_series("tension"), "peers": peers}
+def _fastest_series_row(rows_by_series: dict[str, list[Row]], error: float, quantity: str) -> Row:
+    """The fastest series for an error and its seconds, None where no series reaches it."""
+    out: Row = {"series": None, "seconds": None}
+    for name, rows in rows_by_series.items():
+        seconds = seconds_at_error(rows, error, quantity)
+        if seconds is not None and seconds < (out["seconds"] or math.inf):
+            out |= {"series": name, "seconds": seconds}
+    return out | {"cut": any(map(cut_by_budget, rows_by_series.values()))}
 
 
 def cut_by_budget(rows: list[Row]) -> bool:
@@ -63,10 +73,13 @@ def cut_by_budget(rows: list[Row]) -> bool:
 
 def _peer_seconds_row(rows: list[Row], error: float, ours: float | None) -> Row:
     """Seconds of another code at an error, over ours, or why there are none."""
-    at = seconds_at_error(rows, error)
-    reason = None
-    if at is None:
-        errors = [r["path_error"] for r in rows if r["path_error"] is not None]
+    seconds = seconds_at_error(rows, error)
+    if seconds is not None:
+        return {"seconds": seconds, "ratio": None if ours is None else seconds / ours, "reason": None}
+    errors = [r["path_error"] for r in rows if r["path_error"] is not None]
+    if errors:
         how = "within the time it was given" if cut_by_budget(rows) else "at best"
-        reason = f"comes to {100.0 * min(errors):.2g} % {how}" if errors else f"not measured: {rows[0]['reason']}"
-    return {"seconds": at, "ratio": None if at is None or ours is None else at / ours, "reason": reason}
+        reason = f"comes to {100.0 * min(errors):.2g} % {how}"
+    else:
+        reason = f"not measured: {rows[0]['reason']}"
+    return {"seconds": None, "ratio": None, "reason": reason}

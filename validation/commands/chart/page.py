@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from markupsafe import Markup
 from matplotlib.axes import Axes
@@ -25,20 +25,20 @@ WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps
 
 def sections(folder: Path) -> list[Section]:
     chart = store.read_json(folder / "chart.json")
-    return render_sections(
-        __package__, chart=chart, free=chart.get("drive") == "free", fastest=chart.get("fastest", []),
-        front=our_pareto_rows, charts=partial(_work_precision_charts, chart), without_dot=_failed_rows_by_series(chart),
-    )  # fmt: skip
+    content = {"chart": chart, "free": chart.get("drive") == "free", "fastest": chart.get("fastest", [])}
+    content |= {"front": our_pareto_rows, "charts": partial(_work_precision_charts, chart)}
+    content["without_dot"] = _one_row_per_failed_series(chart)
+    return render_sections(__package__, **content)
 
 
-def _error_label(chart: dict[str, Any], quantity: str) -> str:
+def _error_label(chart: Row, quantity: str) -> str:
     if quantity == "tension":
         return "rms error of the tension / H"
     free = chart.get("drive") == "free"
     return "distance of the rider / (length / 10)" if free else "error of the mass path / deflection"
 
 
-def _chart_title(r: Row) -> str:
+def _title_of_chart_with(r: Row) -> str:
     """The title of the chart that shows a row: each has few enough lines."""
     if r["kind"] != "method":
         known = {"integrator": "integration in time", "model": "cheaper models"}
@@ -49,49 +49,61 @@ def _chart_title(r: Row) -> str:
     return "Galerkin" if wing == "galerkin" else "other methods"
 
 
-def _work_precision_charts(chart: dict[str, Any], quantity: str, work: str) -> Iterator[Markup]:
+def _work_precision_charts(chart: Row, quantity: str, work: str) -> Iterator[Markup]:
     """Figures, each with few enough lines; over unknowns those of our own methods alone."""
-    groups: dict[str, dict[str, list[Row]]] = {}
-    for r in _rows_with_dots(chart, quantity, work):
+    charts: dict[str, dict[str, list[Row]]] = {}  # rows by title and series
+    for r in _rows_with_error_and_work(chart, quantity, work):
         if work == "seconds" or r["kind"] in OURS:
-            groups.setdefault(_chart_title(r), {}).setdefault(r["series"], []).append(r)
-    for title, lines in groups.items():
-        yield captioned_figure(
-            draw_work_precision(chart, quantity, work, title, lines),
-            f"{title.capitalize()}: {_error_label(chart, quantity)}",
-        )
+            rows_by_series = charts.setdefault(_title_of_chart_with(r), {})
+            rows_by_series.setdefault(r["series"], []).append(r)
+    for title, rows_by_series in charts.items():
+        figure = draw_work_precision(chart, quantity, work, title, rows_by_series)
+        yield captioned_figure(figure, f"{title.capitalize()}: {_error_label(chart, quantity)}")
 
 
-def _rows_with_dots(chart: dict[str, Any], quantity: str, work: str) -> list[Row]:
+def _rows_with_error_and_work(chart: Row, quantity: str, work: str) -> list[Row]:
+    """The rows that are dots of a chart."""
     return [r for r in chart["rows"] if r["status"] == "ok" and r[f"{quantity}_error"] and r[work]]
+
+
+class EndLabel(NamedTuple):
+    """The settings of a dot at an end of a line, written above (1) or below (-1) it."""
+
+    row: Row
+    colour: str
+    side: int
 
 
 @report_style()
 def draw_work_precision(
-    chart: dict[str, Any], quantity: str, work: str, title: str, lines: dict[str, list[Row]]
+    chart: Row, quantity: str, work: str, title: str, rows_by_series: dict[str, list[Row]]
 ) -> Figure:
     """Draw a work-precision chart, logarithmic, in the same frame for all of a page."""
     error = f"{quantity}_error"
     fig, ax = figure_with_axes(height=4.4)
-    dots = _rows_with_dots(chart, quantity, work)
+    dots = _rows_with_error_and_work(chart, quantity, work)
     best = our_pareto_rows(dots, quantity, work)
     ax.plot(*_columns(best, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)
-    ends: list[tuple[Row, str, int]] = []
-    for i, (name, rows) in enumerate(lines.items()):
+    labels: list[EndLabel] = []
+    for i, (name, rows) in enumerate(rows_by_series.items()):
         colour = PALETTE[i % len(PALETTE)]
         marker = MARKERS[i % len(MARKERS)]
         dash = DASHES[i % len(DASHES)]
         ax.plot(*_columns(rows, work, error), marker, color=colour, alpha=0.25, markersize=3.5, zorder=2)
         best = pareto_rows(rows, quantity, work)
         ax.plot(*_columns(best, work, error), marker=marker, color=colour, linestyle=dash, label=name, zorder=3)
-        ends += [(best[k], colour, 1 if k == 0 else -1) for k in dict.fromkeys((0, len(best) - 1))]
-    _set_axes(ax, [r[work] for r in dots], [r[error] for r in dots], chart["reference"].get(error))
+        labels.append(EndLabel(best[0], colour, 1))
+        if len(best) > 1:
+            labels.append(EndLabel(best[-1], colour, -1))
+    all_work, all_errors = _columns(dots, work, error)
+    _set_axes(ax, all_work, all_errors, floor=chart["reference"].get(error))
     ax.set(title=title, xlabel=WORK[work], ylabel=_error_label(chart, quantity))
     fig.legend(loc="outside lower center", ncols=2)
     fig.draw_without_rendering()
     taken: list[Bbox] = []
-    for row, colour, up in ends:
-        _write_label(ax, _settings_text(row), (row[work], row[error]), colour, up, taken)
+    for label in labels:
+        dot = label.row[work], label.row[error]
+        taken.append(_write_label(ax, label, dot, taken))
     return fig
 
 
@@ -102,7 +114,9 @@ def _set_axes(ax: Axes, work: list[float], errors: list[float], floor: float | N
     ax.yaxis.set_minor_formatter(NullFormatter())
     if floor:
         ax.axhspan(1e-12, floor, color=GREY, alpha=0.18, linewidth=0)
-    ax.set_ylim(0.5 * min(*errors, 1.5 * (floor or math.inf)), 2.0 * min(max(errors), 3.0))
+    bottom = min(*errors, 1.5 * (floor or math.inf))
+    top = min(max(errors), 3.0)
+    ax.set_ylim(0.5 * bottom, 2.0 * top)
 
 
 def _columns(rows: Sequence[Row], *names: str) -> list[list[float]]:
@@ -117,23 +131,23 @@ def _settings_text(row: Row) -> str:
     return " · ".join(str(v) for v in settings.values() if not isinstance(v, str))
 
 
-def _write_label(ax: Axes, text: str, at: tuple[float, float], colour: str, up: int, taken: list[Bbox]) -> None:
-    """Write a text at a dot, above or (up = -1) below, where free."""
-    note = ax.annotate(
-        text, at, (3, -9), textcoords="offset points", fontsize=7.0, color=BLACK, va="center",
-        bbox={"boxstyle": "round,pad=0.12", "fc": "white", "ec": colour, "lw": 0.5, "alpha": 0.8}, zorder=4,
-    )  # fmt: skip
+def _write_label(ax: Axes, label: EndLabel, dot: tuple[float, float], taken: list[Bbox]) -> Bbox:
+    """Write a label at its dot where no taken box is; return its own box."""
+    frame = {"boxstyle": "round,pad=0.12", "fc": "white", "ec": label.colour, "lw": 0.5, "alpha": 0.8}
+    look: dict[str, Any] = {"fontsize": 7.0, "color": BLACK, "va": "center", "bbox": frame, "zorder": 4}
+    note = ax.annotate(_settings_text(label.row), dot, (3, -9), textcoords="offset points", **look)
     note.set_in_layout(False)
     for y, right in product((9, -9, 20, -20, 31, -31, 42, -42), (True, False)):
-        note.xyann = (3 if right else -3, up * y)
+        note.xyann = (3 if right else -3, label.side * y)
         note.set_horizontalalignment("left" if right else "right")
         box = note.get_window_extent().padded(2.0)
-        if all(ax.bbox.contains(*corner) for corner in (box.p0, box.p1)) and not box.count_overlaps(taken):
+        inside = ax.bbox.contains(*box.p0) and ax.bbox.contains(*box.p1)
+        if inside and not box.count_overlaps(taken):
             break
-    taken.append(box)
+    return box
 
 
-def _failed_rows_by_series(chart: dict[str, Any]) -> list[Row]:
+def _one_row_per_failed_series(chart: Row) -> list[Row]:
     """The runs without a dot: one row per line of the chart and status."""
     grouped: dict[tuple[str, str], list[Row]] = {}
     for r in chart["rows"]:

@@ -48,6 +48,10 @@ WITNESS = SETTINGS["witness"]
 BASE = SETTINGS["base"]
 FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))  # over the default resolution
 FULL_PROGRAM = ", whole"  # short, for legends
+RESULTS = (
+    "reason", "reached", "path_error", "path_rms", "tension_error", "seconds", "spread", "repeats", "n_dof",
+    "steps", "newton_iterations", "factorisations", "unknown_steps", "wait",
+)  # fmt: skip
 DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # shares of steps, for short runs
 
 
@@ -57,9 +61,36 @@ class Series:
 
     name: str
     kind: str  # "method" | "model" | "integrator" | "tolerance" | "waiting" | "peer"
-    rungs: tuple[Row, ...]
-    method: str | None = None
+    rungs: tuple[Row, ...]  # settings of its runs
+    method: str | None = None  # None: another code
     model: str = "full"
+
+    def chart_row(self, settings: Row, **results: Any) -> Row:
+        """A row of chart.json; results that are not given are None."""
+        row: Row = {"series": self.name, "kind": self.kind, "method": self.method, "model": self.model}
+        row["settings"] = settings
+        row |= dict.fromkeys(RESULTS)
+        return row | results
+
+    def refused_row(self, scene: Scene) -> Row | None:
+        """The one row of a series that cannot run the scene; None: it can."""
+        if self.kind == "peer" and (absent := import_failure_reason(self.name)):
+            return self.chart_row({}, status="not installed", reason=absent)
+        if reason := self.refusal_reason(scene):
+            return self.chart_row({}, status="failed", reason=reason)
+        return None
+
+    def refusal_reason(self, scene: Scene) -> str | None:
+        """Why the series cannot run the scene; None: it can."""
+        drive = scene.groups.drive.mode
+        if self.method is not None:
+            try:
+                Run(scene, self.method, model=self.model)
+            except ValueError as error:
+                return str(error)
+        elif drive != "grip" and not (drive == "free" and PEERS[self.name].rides):
+            return f"its mass grips the cable: it has no car that rolls (drive {drive})"
+        return None
 
 
 def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: int = 3, budget: float = 240.0) -> Row:
@@ -71,18 +102,16 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
     path = out / "chart.json"
     before = store.read_json_or_empty(path, scene_toml=scene.to_toml())
     report("reference", 0.0)
-    truth = _Reference.compute(scene, before.get("reference"))
+    reference = _Reference.compute(scene, before.get("reference"))
     rows: list[Row] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
     todo = list(chart_series(scene.groups))
-    content = {
-        "scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode,
-        "machine": package_versions() | {"machine": platform.machine(), "threads": "1"}, "window": list(truth.window),
-        "reference": truth.stored, "rows": rows,
-    }  # fmt: skip
+    machine = package_versions() | {"machine": platform.machine(), "threads": "1"}
+    content: Row = {"scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode}
+    content |= {"machine": machine, "window": list(reference.window), "reference": reference.stored, "rows": rows}
     for i, series in enumerate(todo):
         report(series.name, 0.05 + 0.85 * i / len(todo))
         share = (6.0 if series.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
-        rows += _compute_missing_rows(scene, series, truth, rows, repeats, share)
+        rows += _SeriesTimer(scene, series, reference).missing_rows(rows, repeats, share)
         if series.kind == "peer":
             rows += _missing_full_program_rows(series.name, rows)
         write_json(path, content)
@@ -105,7 +134,7 @@ def chart_series(groups: Groups) -> Iterator[Series]:
         yield Series(method.name, "method", tuple(settings_ladder(method, step_shares)), method.name)
     for model in sorted(set(MODELS) - {"full"}, key=MODELS.index):
         yield Series(f"model {model}", "model", tuple(settings_ladder(base))[::4], BASE, model)
-    yield from _other_scheme_series(base, base.settings_for_scene(groups, {})["scheme"])
+    yield from _integrator_series(base, base.settings_for_scene(groups, {})["scheme"])
     tolerances = tuple({"tol": tol} for tol in SETTINGS["asked"])
     for name in (BASE, WITNESS[0]):
         yield Series(f"{name} --tol", "tolerance", tolerances, name)
@@ -115,15 +144,20 @@ def chart_series(groups: Groups) -> Iterator[Series]:
         yield Series(name, "peer", tuple(map(dict, rungs)))
 
 
-def _other_scheme_series(base: Method, usual_scheme: str) -> Iterator[Series]:
+def _integrator_series(base: Method, usual_scheme: str) -> Iterator[Series]:
     """The schemes besides the usual one, without one that is never on a front; and a method of fourth degree."""
     for scheme in SCHEMES:
-        if scheme not in (usual_scheme, "central-difference"):
-            # with fewer, Newton's method fails at wave fronts
-            few, min_steps = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
-            rungs = [x | {"scheme": scheme, "steps": max(min_steps, x["steps"] // few)} for x in settings_ladder(base)]
-            rungs = [x for i, x in enumerate(rungs) if x not in rungs[:i]]
-            yield Series(f"scheme {scheme}", "integrator", tuple(rungs[::2]), BASE)
+        if scheme in (usual_scheme, "central-difference"):
+            continue
+        # with fewer, Newton's method fails at wave fronts
+        few, min_steps = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
+        rungs: list[Row] = []
+        for settings in settings_ladder(base):
+            steps = max(min_steps, settings["steps"] // few)
+            rung = settings | {"scheme": scheme, "steps": steps}
+            if rung not in rungs:
+                rungs.append(rung)
+        yield Series(f"scheme {scheme}", "integrator", tuple(rungs[::2]), BASE)
     sharp = tuple({"elements": n, "steps": steps, "scheme": "radau"} for n, steps in SETTINGS["sharp"])
     yield Series("following-p4 radau", "integrator", sharp, "following-p4")
 
@@ -139,10 +173,11 @@ def settings_ladder(method: Method, step_shares: Sequence[float] = SETTINGS["sha
     pace = min(2.0, method.steps_exponent)
     for finer in FINER:
         for share in step_shares:
-            x = method.resolution_and_steps(scaled_settings(method, settings, space=finer, time=share * finer**pace))
-            if x not in seen:
-                seen.append(x)
-                yield x
+            scaled = scaled_settings(method, settings, space=finer, time=share * finer**pace)
+            rung = method.resolution_and_steps(scaled)
+            if rung not in seen:
+                seen.append(rung)
+                yield rung
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,10 +194,11 @@ class _Reference:
 
         Raises ValueError if the reference ends early.
         """
-        stop = stop_position(scene)
+        stop = stop_position_unless_free(scene)
         name, settings = REFERENCE if stop else REFERENCE_OF_RIDES
         reference = run(scene, name, until=stop, **settings)
-        if (reference.reason if stop is None else reference.reached < stop) and reference.slack_onset is None:
+        complete = not reference.reason if stop is None else reference.reached >= stop
+        if not complete and reference.slack_onset is None:
             raise ValueError(f"the chart's reference stopped at s_o/l = {reference.reached:.3f}: {reference.reason}")
         window = measures.common_window(reference)
         if stored is None:
@@ -172,24 +208,27 @@ class _Reference:
             except NotComparable:
                 witness = None
             bars = run_with_error_bars(scene, name, earlier_runs=[reference], until=stop, **settings).finest
-            stored = {
-                "method": name, "settings": settings, "path_error": bars.path_error,
-                "tension_error": bars.tension_error, "witness": WITNESS[0], "witness_settings": WITNESS[1],
-                "witness_path": witness, "max_deflection": reference.max_deflection,
-                "slack_onset": reference.slack_onset,
-            }  # fmt: skip
+            stored = {"method": name, "settings": settings}
+            stored |= {"path_error": bars.path_error, "tension_error": bars.tension_error}
+            stored |= {"witness": WITNESS[0], "witness_settings": WITNESS[1], "witness_path": witness}
+            stored |= {"max_deflection": reference.max_deflection, "slack_onset": reference.slack_onset}
         return cls(reference, window, stored)
 
     def status_and_errors(
         self, reached: float, reason: str | None, compute_errors: Callable[[], dict[str, float]]
     ) -> Row:
         """Status and errors of a run, or why there are none; a free ride may end before the window does."""
-        if reason if self.run.drive == "free" else reached < self.window[1] * (1.0 - 1e-9):
+        complete = not reason if self.run.drive == "free" else reached >= self.window[1] * (1.0 - 1e-9)
+        if not complete:
             return {"status": "failed", "reason": reason or f"ended at s_o/l = {reached:.3f}"}
         try:
             return {"status": "ok", **compute_errors()}
         except NotComparable as error:
             return {"status": "failed", "reason": str(error)}
+
+    def status_and_errors_of_response(self, r: Response) -> Row:
+        """As `status_and_errors`, with errors of path and tension."""
+        return self.status_and_errors(r.reached, r.reason, partial(self.response_errors, r))
 
     def response_errors(self, r: Response) -> dict[str, float]:
         """Errors of path and tension in the window, dimensionless."""
@@ -203,138 +242,133 @@ class _Reference:
     def peer_path_errors(self, p: PeerPath, scene: Scene) -> dict[str, float]:
         """Errors of another code's path, dimensionless."""
         t = scene.time_scale * p.t
-        path = np.stack(scene.groups.coordinates(p.s_o)) + np.stack([p.u, p.v])
+        static = np.stack(scene.groups.coordinates(p.s_o))
+        path = static + np.stack([p.u, p.v])  # (2, n)
         low, high = self.window
         inside = (p.s_o >= low) & (p.s_o <= high) & (t <= self.run.t[-1])
-        our_path = CubicSpline(self.run.t, np.stack([self.run.x, self.run.y], axis=1))
+        our_points = np.stack([self.run.x, self.run.y], axis=1)
+        our_path = CubicSpline(self.run.t, our_points)
         distances = scene.length * path[:, inside] - our_path(t[inside]).T  # (2, n)
         gap = np.hypot(*distances) / self.run.path_scale
         return {"path_error": float(gap.max()), "path_rms": float(np.sqrt(np.mean(gap**2)))}
 
 
-def stop_position(scene: Scene) -> float | None:
+def stop_position_unless_free(scene: Scene) -> float | None:
     """Last s_o/l of runs; None for a free ride."""
     return None if scene.groups.drive.mode == "free" else STOP
 
 
-def _compute_missing_rows(
-    scene: Scene, series: Series, truth: _Reference, rows: list[Row], repeats: int, share: float
-) -> list[Row]:
-    """Run the settings of a series that have no row, while the next run is likely to fit into `share` [s]."""
-    done = [r["settings"] for r in rows if r["series"] == series.name]
-    refused = _refused_row(scene, series)
-    if refused is not None:
-        return [] if {} in done else [refused]
-    missing = [x for x in series.rungs if x not in done]
-    if missing and series.kind not in ("tolerance", "waiting", "peer"):
-        _row_of_fastest_repeat(scene, series, missing[0], truth, 1, 0.0)  # the first run may compile
-    new = []
-    last = 0.0
-    remaining = share
-    for rung in missing:
-        if last <= remaining:
-            begin = time.perf_counter()
-            row = _row_of_fastest_repeat(scene, series, rung, truth, max(1, repeats), remaining)
-            remaining -= time.perf_counter() - begin
-            last = row["seconds"] or 0.0
+@dataclass(frozen=True, slots=True)
+class _SeriesTimer:
+    """Runs a series on a scene, times its runs and compares them with the reference."""
+
+    scene: Scene
+    series: Series
+    reference: _Reference
+
+    def missing_rows(self, rows: list[Row], repeats: int, budget: float) -> list[Row]:
+        """Run the settings that have no row, while the next run is likely to fit into the budget [s]."""
+        series = self.series
+        done = [r["settings"] for r in rows if r["series"] == series.name]
+        refused = series.refused_row(self.scene)
+        if refused is not None:
+            return [] if {} in done else [refused]
+        missing = [x for x in series.rungs if x not in done]
+        if missing and series.kind not in ("tolerance", "waiting", "peer"):
+            self.row_of_fastest_repeat(missing[0], 1, 0.0)  # the first run may compile
+        new = []
+        last = 0.0
+        remaining = budget
+        for settings in missing:
+            if last <= remaining:
+                begin = time.perf_counter()
+                row = self.row_of_fastest_repeat(settings, max(1, repeats), remaining)
+                remaining -= time.perf_counter() - begin
+                last = row["seconds"] or 0.0
+            else:
+                row = series.chart_row(settings, status="not run", reason="more than its share of the time")
+            new.append(row)
+        return new
+
+    def row_of_fastest_repeat(self, settings: Row, repeats: int, remaining: float) -> Row:
+        """The row of a run: the best of separate repeats and their spread (slowest over best), as time [s] allows.
+
+        Short runs are repeated more often.
+        """
+        timed = {"peer": self._timed_peer_run, "waiting": self._timed_command}.get(self.series.kind, self._timed_run)
+        try:
+            results, first = timed(settings)
+        except (ValueError, TooCoarse) as error:
+            return self.series.chart_row(settings, status="failed", reason=str(error))
+        seconds = [first]
+        while results["status"] == "ok" and sum(seconds) + first < remaining:
+            if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > 0.2):
+                break
+            seconds.append(timed(settings)[1])
+        fastest = min(seconds)
+        results["seconds"] = fastest
+        results["spread"] = max(seconds) / fastest if len(seconds) > 1 else None
+        results["repeats"] = len(seconds)
+        return self.series.chart_row(settings, **results)
+
+    def _timed_run(self, settings: Row) -> tuple[Row, float]:
+        """Results and seconds of a run; by tolerance its seconds include all runs up to it."""
+        method = self.series.method
+        assert method is not None
+        stop = stop_position_unless_free(self.scene)
+        results: Row = {}
+        if "tol" in settings:
+            begin = time.process_time()
+            r = refine_to_tolerance(self.scene, method, settings["tol"], until=stop).finest
+            seconds = time.process_time() - begin
+            results = {"bar": r.path_error, "chosen": METHODS[method].resolution_and_steps(r.settings)}
         else:
-            row = _chart_row(series, rung, status="not run", reason="more than its share of the time")
-        new.append(row)
-    return new
+            r = run(self.scene, method, model=self.series.model, until=stop, **settings)
+            seconds = r.seconds
+        results |= {name: r.work[name] for name in ("steps", "newton_iterations", "factorisations")}
+        results |= {"reached": r.reached, "n_dof": r.n_dof, "unknown_steps": r.work["steps"] * r.n_dof}
+        results |= self.reference.status_and_errors_of_response(r)
+        return results, seconds
 
+    def _timed_peer_run(self, settings: Row) -> tuple[Row, float]:
+        """Results and seconds of a run of another code, without what others took of the processor."""
+        scene = self.scene
+        peer = PEERS[self.series.name]
+        stop = stop_position_unless_free(scene)
+        groups = scene.groups if stop is None else groups_until(scene.groups, stop)
+        wall = time.perf_counter()
+        own = time.process_time()
+        try:
+            with threadpool_limits(1):
+                path = peer.run(groups, **settings)
+        except Exception as error:  # other codes' failures
+            raise ValueError(f"{type(error).__name__}: {error}") from error
+        own = time.process_time() - own
+        share = min(1.0, own / (time.perf_counter() - wall))  # of the processor
+        results: Row = {"steps": path.t.size - 1, "reached": path.reached}
+        compute_errors = partial(self.reference.peer_path_errors, path, scene)
+        results |= self.reference.status_and_errors(path.reached, path.note, compute_errors)
+        results["wait"] = own + _import_time(peer.module)
+        return results, share * path.seconds
 
-def _refused_row(scene: Scene, series: Series) -> Row | None:
-    """The one row of a series that cannot run the scene; None: it can."""
-    if series.kind == "peer" and (absent := import_failure_reason(series.name)):
-        return _chart_row(series, {}, status="not installed", reason=absent)
-    if reason := _refusal_reason(scene, series):
-        return _chart_row(series, {}, status="failed", reason=reason)
-    return None
-
-
-def _refusal_reason(scene: Scene, series: Series) -> str | None:
-    """Why a series cannot run the scene; None: it can."""
-    try:
-        if series.method is not None:
-            Run(scene, series.method, model=series.model)
-        elif scene.groups.drive.mode != "grip" and not (scene.groups.drive.mode == "free" and PEERS[series.name].rides):
-            return f"its mass grips the cable: it has no car that rolls (drive {scene.groups.drive.mode})"
-    except ValueError as error:
-        return str(error)
-    return None
-
-
-def _chart_row(series: Series, settings: Row, **results: Any) -> Row:
-    """A row of the chart; results that are not given are None."""
-    empty = dict.fromkeys((
-        "reason", "reached", "path_error", "path_rms", "tension_error", "seconds", "spread", "repeats", "n_dof",
-        "steps", "newton_iterations", "factorisations", "unknown_steps", "wait",
-    ))  # fmt: skip
-    known = {
-        "series": series.name,
-        "kind": series.kind,
-        "method": series.method,
-        "model": series.model,
-        "settings": settings,
-    }
-    return known | empty | results
-
-
-def _row_of_fastest_repeat(
-    scene: Scene, series: Series, rung: Row, truth: _Reference, repeats: int, remaining: float
-) -> Row:
-    """The row of a run: the best of separate repeats and their spread (slowest over best), as time allows.
-
-    Short runs are repeated more often.
-    """
-    measure = {"peer": _timed_peer_run, "waiting": _timed_command}.get(series.kind, _timed_run)
-    timed = partial(measure, scene, series, rung, truth)
-    try:
-        results, first = timed()
-    except (ValueError, TooCoarse) as error:
-        return _chart_row(series, rung, status="failed", reason=str(error))
-    seconds = [first]
-    while results["status"] == "ok" and sum(seconds) + first < remaining:
-        if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > 0.2):
-            break
-        seconds.append(timed()[1])
-    spread = max(seconds) / min(seconds) if len(seconds) > 1 else None
-    return _chart_row(series, rung, **results, seconds=min(seconds), spread=spread, repeats=len(seconds))
-
-
-def _timed_run(scene: Scene, series: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
-    """Result and seconds of a run; by tolerance its seconds include all runs up to it."""
-    assert series.method is not None
-    if "tol" in rung:
-        begin = time.process_time()
-        r = refine_to_tolerance(scene, series.method, rung["tol"], until=stop_position(scene)).finest
-        seconds = time.process_time() - begin
-        results = {"bar": r.path_error, "chosen": METHODS[series.method].resolution_and_steps(r.settings)}
-    else:
-        r = run(scene, series.method, model=series.model, until=stop_position(scene), **rung)
-        results = {}
-        seconds = r.seconds
-    work = {name: r.work[name] for name in ("steps", "newton_iterations", "factorisations")}
-    results |= work | {"reached": r.reached, "n_dof": r.n_dof, "unknown_steps": r.work["steps"] * r.n_dof}
-    return results | truth.status_and_errors(r.reached, r.reason, lambda: truth.response_errors(r)), seconds
-
-
-def _timed_peer_run(scene: Scene, series: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
-    """Result and seconds of a run of another code, without what others took of the processor."""
-    stop = stop_position(scene)
-    groups = scene.groups if stop is None else groups_until(scene.groups, stop)
-    wall = time.perf_counter()
-    own = time.process_time()
-    try:
-        with threadpool_limits(1):
-            p = PEERS[series.name].run(groups, **rung)
-    except Exception as error:  # other codes' failures
-        raise ValueError(f"{type(error).__name__}: {error}") from error
-    own = time.process_time() - own
-    share = min(1.0, own / (time.perf_counter() - wall))  # of the processor
-    results = truth.status_and_errors(p.reached, p.note, lambda: truth.peer_path_errors(p, scene))
-    results["wait"] = own + _import_time(PEERS[series.name].module)
-    return {"steps": p.t.size - 1, "reached": p.reached, **results}, share * p.seconds
+    def _timed_command(self, settings: Row) -> tuple[Row, float]:
+        """Results and processor time of `cablefem run --tol`, with its bars, files and page."""
+        method = self.series.method
+        assert method is not None
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            file = folder / "scene.toml"
+            write_text(file, self.scene.to_toml())
+            arguments = ["--method", method, "--tol", repr(settings["tol"]), "--out", str(folder / "out")]
+            seconds = _processor_time_of_python("-m", "validation.cli", "run", str(file), *arguments)
+            try:
+                r = Response.read(folder / "out" / method)
+            except FileNotFoundError:
+                raise ValueError("the command wrote no response") from None
+        results = self.reference.status_and_errors_of_response(r)
+        results |= {"bar": r.path_error, "chosen": METHODS[method].resolution_and_steps(r.settings)}
+        results["reached"] = r.reached
+        return results, seconds
 
 
 def _missing_full_program_rows(peer: str, rows: list[Row]) -> list[Row]:
@@ -344,27 +378,6 @@ def _missing_full_program_rows(peer: str, rows: list[Row]) -> list[Row]:
         return []
     timed = [r for r in rows if r["series"] == peer and r["wait"]]
     return [r | {"series": series, "kind": "waiting", "seconds": r["wait"], "spread": None} for r in timed]
-
-
-def _timed_command(scene: Scene, series: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
-    """Result and processor time of `cablefem run --tol`, with its bars, files and page."""
-    assert series.method is not None
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "scene.toml"
-        write_text(file, scene.to_toml())
-        arguments = ["--method", series.method, "--tol", repr(rung["tol"]), "--out", str(Path(folder) / "out")]
-        seconds = _processor_time_of_python("-m", "validation.cli", "run", str(file), *arguments)
-        try:
-            r = Response.read(Path(folder) / "out" / series.method)
-        except FileNotFoundError:
-            raise ValueError("the command wrote no response") from None
-    results = truth.status_and_errors(r.reached, r.reason, lambda: truth.response_errors(r))
-    results |= {
-        "bar": r.path_error,
-        "chosen": METHODS[series.method].resolution_and_steps(r.settings),
-        "reached": r.reached,
-    }
-    return results, seconds
 
 
 def _processor_time_of_python(*arguments: str) -> float:
@@ -387,4 +400,5 @@ def groups_until(groups: Groups, position: float) -> Groups:
     assert motion is not None
     if position >= motion.end:
         return groups
-    return replace(groups, motion=replace(motion.cut_at(motion.time_at_position(position)), end=position))
+    shorter = motion.cut_at(motion.time_at_position(position))
+    return replace(groups, motion=replace(shorter, end=position))
