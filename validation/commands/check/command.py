@@ -69,7 +69,7 @@ def command(
         others = {"--ask": ask != "all", "--with": other is not None, "--deep": deep, "--verbose": verbose}
         points = options.line_points_from_options(options.with_limits_of_regulations(line, limits), set_, case, others)
         second_scene = _scene_of_second_solver(points[0].scene, second, second_set)
-        return _check_line(points, tol, tol_tension, out, second_scene, extras)
+        return _check_lines(points, tol, tol_tension, out, second_scene, extras)
     faults = _option_faults(tol, tol_tension, with_tol, ask)
     loaded = options.with_limits_of_regulations(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
     points = _grid_of_scenes(loaded, set_, case)
@@ -128,7 +128,7 @@ def _print_and_verify_check(result: "Check", folder: Path, extras: Extras) -> in
     return broken or int(not sound)
 
 
-def _check_line(
+def _check_lines(
     points: list[options.GridPoint], tol: float | None, tol_tension: float | None, out: Path | None, second: Any,
     extras: Extras,
 ) -> int:  # fmt: skip

@@ -46,7 +46,7 @@ def _worst_frequency_row(scene: Scene, elements: Ladder) -> Agreement:
     return max(modes(scene).rows, key=lambda row: row.gap / row.allowed)
 
 
-def _start_against_statics_row(scene: Scene, elements: Ladder) -> Agreement | None:
+def _rolling_start_against_statics_row(scene: Scene, elements: Ladder) -> Agreement | None:
     """Compare the start of a car that rolls with the catenary of two pieces; None for a car that grips."""
     r = elements.finest
     if r.drive == "grip":
@@ -140,7 +140,7 @@ def _path_against_degree_4_row(scene: Scene, elements: Ladder) -> Agreement:
 Third = Callable[[Scene, Ladder], Agreement | None]
 THIRD: dict[str, Third] = {
     "static catenary and groups: exact frequencies": _worst_frequency_row,
-    "start of a car that rolls: catenary of two pieces": _start_against_statics_row,
+    "start of a car that rolls: catenary of two pieces": _rolling_start_against_statics_row,
     "time driver: scipy's DOP853 on the same system": _time_driver_against_scipy_row,
     "error bars: degree 4 in twice the steps": _path_against_degree_4_row,
 }

@@ -83,59 +83,68 @@ class BothAnswers:
         reach = float(np.ptp(self.a.empty.points[:, 0]))
         EA = self.a.empty.case.EA
         tension = max(float(np.nanmax(state.station_tensions)) for state in self.a.states.values())
-        return Unit("m", ROUNDING * reach, tol), Unit("N", ROUNDING * EA, tol_tension * tension)
+        metres = Unit("m", ROUNDING * reach, tol)
+        newtons = Unit("N", ROUNDING * EA, tol_tension * tension)
+        return metres, newtons
 
 
 class StationValues(NamedTuple):
+    """Values of one quantity at the stations where it is compared."""
+
     values: Array  # (m,) or (m, 2)
     stations: list[str]  # names (m,)
 
 
-def compared_values(state: LineState) -> dict[str, StationValues]:
-    """The compared values of a state by quantity."""
+def station_values_by_quantity(state: LineState) -> dict[str, StationValues]:
+    """What is compared of a state at rest."""
     case = state.case
-    n = len(state.case.stations)
-    kinds = np.array([p.kind for p in case.stations])
-    pieces = np.arange(n - 1)
+    n = len(case.stations)
+    kinds = np.array([station.kind for station in case.stations])
+    free_point = np.isnan(case.points_or_nan).any(axis=1)
+    free_s = np.isnan(case.s_or_nan)
     length = np.full(n, np.ptp(state.s))
-    values: dict[str, tuple[Array, np.ndarray]] = {  # values by station, and the stations that count
-        "place": (state.points, np.flatnonzero(np.isnan(case.points_or_nan).any(axis=1))),
-        "rope_place": (state.middle, pieces),
-        "s": (state.s, np.flatnonzero(np.isnan(case.s_or_nan))),
-        "rope_length": (length, np.array([n - 1])),
-        "tension_behind": (state.station_tensions[:, 0], pieces + 1),
-        "tension_ahead": (state.station_tensions[:, 1], pieces),
-        "haul": (state.haul, np.flatnonzero(kinds == "hauled")),
-        "pressure": (state.rope_force_on_stations, np.flatnonzero(kinds == "saddle")),
-    }
-    return {name: StationValues(x[k], [case.stations[i].name for i in k]) for name, (x, k) in values.items()}
+    out = {}
+
+    def compare(quantity: str, values: Array, stations: np.ndarray) -> None:
+        names = [case.stations[i].name for i in stations]
+        out[quantity] = StationValues(values[stations], names)
+
+    compare("place", state.points, np.flatnonzero(free_point))
+    compare("rope_place", state.middle, np.arange(n - 1))
+    compare("s", state.s, np.flatnonzero(free_s))
+    compare("rope_length", length, np.array([n - 1]))
+    compare("tension_behind", state.station_tensions[:, 0], np.arange(1, n))
+    compare("tension_ahead", state.station_tensions[:, 1], np.arange(n - 1))
+    compare("haul", state.haul, np.flatnonzero(kinds == "hauled"))
+    compare("pressure", state.rope_force_on_stations, np.flatnonzero(kinds == "saddle"))
+    return out
 
 
-def compare_states(both: BothAnswers, metres: Unit, newtons: Unit) -> Iterator[Agreement]:
+def worst_state_rows(both: BothAnswers, metres: Unit, newtons: Unit) -> Iterator[Agreement]:
     """One row a quantity, of the worst station and position that all answers solve."""
     shared = both.positions_solved_by_all
     if not shared:
         return
-    states = [[compared_values(rest.states[i]) for i in shared] for rest in both.answers_with_coarser]
+    states = [[station_values_by_quantity(rest.states[i]) for i in shared] for rest in both.answers_with_coarser]
     for quantity in states[0][0]:
-        values = [np.concatenate([x[quantity].values for x in each]) for each in states]  # 4 of (m,) or (m, 2)
-        where = _stations_and_positions([x[quantity].stations for x in states[0]], shared)
+        values = []  # 4 of (m,) or (m, 2)
+        for by_position in states:
+            values.append(np.concatenate([state[quantity].values for state in by_position]))
+        where: list[str] = []
+        for i, state in zip(shared, states[0], strict=True):
+            where += [f"{name}, position {i + 1}" for name in state[quantity].stations]
         if where:
             yield _worst_value_row(quantity, values, where, metres if quantity in METRES else newtons)
 
 
-def _stations_and_positions(stations: Sequence[Sequence[str]], positions: Sequence[int]) -> list[str]:
-    """Texts that say where each compared value is: names of stations by position, one after another."""
-    return [f"{name}, position {i + 1}" for i, names in zip(positions, stations, strict=True) for name in names]
-
-
-def compare_design_numbers(designs: Sequence[Sequence[Row]], *units: Unit) -> Iterator[Agreement]:
+def worst_design_number_rows(designs: Sequence[Sequence[Row]], *units: Unit) -> Iterator[Agreement]:
     """One row a unit, of the worst design number; designs : as by `BothAnswers.design_numbers_of_each`."""
-    values = [{d["quantity"]: d["value"] for d in design} for design in designs]
+    numbers = [{d["quantity"]: d["value"] for d in design} for design in designs]
     for unit in units:
         names = [d["quantity"] for d in designs[0] if d["unit"] == unit.name]
-        names = [name for name in names if all(name in x for x in values)]
-        yield _worst_value_row("design", [np.array([x[name] for name in names]) for x in values], names, unit)
+        names = [name for name in names if all(name in of_answer for of_answer in numbers)]
+        values = [np.array([of_answer[name] for name in names]) for of_answer in numbers]
+        yield _worst_value_row("design", values, names, unit)
 
 
 def _worst_value_row(quantity: str, values: Sequence[Array], where: Sequence[str], unit: Unit) -> Agreement:
@@ -145,23 +154,34 @@ def _worst_value_row(quantity: str, values: Sequence[Array], where: Sequence[str
     bar_a = np.maximum(np.abs(a - coarser_a), unit.rounding)
     bar_b = np.maximum(error_bar(b - coarser_b, 0.0, (2.0,), FIRST), unit.rounding)
     bars = bar_a + bar_b
-    badness = np.where(gap > FACTOR_DISAGREE * bars, gap / ROUNDING, np.maximum(gap, bars))
-    k = np.unravel_index(np.argmax(np.nan_to_num(badness, nan=math.inf)), badness.shape)
-    parts = BoundPart("catenaries", float(bar_a[k])), BoundPart("elements", float(bar_b[k]))
-    bound = Bound("error bars", parts) if np.isfinite(badness[k]) else no_bound("a number beyond all bounds")
+    disagrees = gap > FACTOR_DISAGREE * bars
+    badness = np.where(disagrees, gap / ROUNDING, np.maximum(gap, bars))
+    worst = np.argmax(np.nan_to_num(badness, nan=math.inf))
+    k = np.unravel_index(worst, badness.shape)
+    if np.isfinite(badness[k]):
+        bound = _bound_by_error_bars(float(bar_a[k]), float(bar_b[k]))
+    else:
+        bound = no_bound("a number beyond all bounds")
     return Agreement(quantity, float(gap[k]), bound, where[int(k[0])], required=unit.tolerance, unit=unit.name)
 
 
-def _solved_by_one_alone_rows(both: BothAnswers) -> Iterator[Agreement]:
+def _bound_by_error_bars(of_catenaries: float, of_elements: float) -> Bound:
+    return Bound("error bars", (BoundPart("catenaries", of_catenaries), BoundPart("elements", of_elements)))
+
+
+def _row_of_positions_solved_by_one(both: BothAnswers) -> Agreement | None:
     """A row `rest` for positions that one solver alone solves: a disagreement, unless a search did not end."""
-    pairs = list(enumerate(zip(both.a.positions, both.b.positions, strict=True), start=1))
-    alone = [(i, pair) for i, pair in pairs if len({isinstance(x, LineState) for x in pair}) == 2]
-    if alone:
-        i, pair = alone[0]
-        unfinished = any(isinstance(x, LineNotConverged) for x in pair)
-        parts = BoundPart("catenaries", math.inf if unfinished else 0.0), BoundPart("elements", 0.0)
-        bound = Bound("error bars", parts)
-        yield Agreement("rest", len(alone), bound, f"position {i}", required=0.0, unit="positions")
+    alone = []
+    for i, pair in enumerate(zip(both.a.positions, both.b.positions, strict=True), start=1):
+        solved = [isinstance(x, LineState) for x in pair]
+        if any(solved) and not all(solved):
+            alone.append((i, pair))
+    if not alone:
+        return None
+    first, pair = alone[0]
+    unfinished = any(isinstance(x, LineNotConverged) for x in pair)
+    bound = _bound_by_error_bars(math.inf if unfinished else 0.0, 0.0)
+    return Agreement("rest", len(alone), bound, f"position {first}", required=0.0, unit="positions")
 
 
 def solve_both_refining_elements(line: Line, second: Line, tol: float, tol_tension: float) -> BothAnswers:
@@ -180,9 +200,11 @@ def solve_both_refining_elements(line: Line, second: Line, tol: float, tol_tensi
     while True:
         b = second.solve_at_rest(partial(elements.solve, elements=n), hopeless)
         both = BothAnswers(a, coarser_a, b, coarser_b)
-        rows = [row for row in compare_states(both, *both.units_with_tolerances(tol, tol_tension)) if row.bound.parts]
-        coarse = any(row.bound.parts[1].value > largest_share * (row.required or 0.0) for row in rows)
-        unsolved = any(_solved_by_one_alone_rows(both))  # finer elements do not help
+        coarse = False
+        for row in worst_state_rows(both, *both.units_with_tolerances(tol, tol_tension)):
+            if row.bound.parts and row.bound.parts[1].value > largest_share * (row.required or 0.0):
+                coarse = True
+        unsolved = _row_of_positions_solved_by_one(both) is not None  # finer elements do not help
         if not coarse or unsolved or n >= FINEST:
             return both
         coarser_b = b
@@ -207,22 +229,27 @@ def check_line(
     units = both.units_with_tolerances(tol, tol_tension)
     designs = both.design_numbers_of_each()
     result = answer_line(line, rest=both.a)
-    result = replace(result, design=design_with_bars(result.design, designs[1], designs[2]))
-    rows = [*compare_states(both, *units), *compare_design_numbers(designs, *units), *_solved_by_one_alone_rows(both)]
-    return replace(result, rows=[*rows, *line_laws.statics_law_rows(line.to_toml(), both.a), *recheck_outputs(result)])
+    result = replace(result, design=_design_with_bars(result.design, designs[1], designs[2]))
+    rows = [*worst_state_rows(both, *units), *worst_design_number_rows(designs, *units)]
+    alone = _row_of_positions_solved_by_one(both)
+    if alone is not None:
+        rows.append(alone)
+    rows += line_laws.statics_law_rows(line.to_toml(), both.a)
+    return replace(result, rows=rows + _rows_of_outputs_read_back(result))
 
 
-def design_with_bars(design: Sequence[Row], coarser: Sequence[Row], other: Sequence[Row]) -> list[Row]:
+def _design_with_bars(design: Sequence[Row], coarser: Sequence[Row], other: Sequence[Row]) -> list[Row]:
     """Design numbers with bars: the change from the coarser answer, at least the gap to the other solver."""
-    values = [{d["quantity"]: d["value"] for d in x} for x in (coarser, other)]
-    out = []
-    for d in design:
-        bars = [abs(d["value"] - x[d["quantity"]]) for x in values if d["quantity"] in x]
-        out.append({**d, "bar": max(bars, default=None)})
-    return out
+    bars: dict[str, list[float]] = {d["quantity"]: [] for d in design}
+    values = {d["quantity"]: d["value"] for d in design}
+    for d in (*coarser, *other):
+        name = d["quantity"]
+        if name in bars:
+            bars[name].append(abs(values[name] - d["value"]))
+    return [{**d, "bar": max(bars[d["quantity"]], default=None)} for d in design]
 
 
-def recheck_outputs(result: RestAnswers) -> list[Agreement]:
+def _rows_of_outputs_read_back(result: RestAnswers) -> list[Agreement]:
     """Write files and page into a temporary folder, read them back, and hold them against the states."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -239,34 +266,35 @@ def detectable_input_changes(result: RestAnswers) -> dict[str, float]:
 
     def gaps_to(changed_line: Line) -> sensitivities.Gaps:
         changed = changed_line.solve_at_rest(catenary_line.solve)
-        return {
-            (row.quantity, row.law): row.gap
-            for row in compare_states(BothAnswers(base, base, changed, changed), *exact)
-        }
+        rows = worst_state_rows(BothAnswers(base, base, changed, changed), *exact)
+        return {(row.quantity, row.law): row.gap for row in rows}
 
     return sensitivities.detectable_input_changes_by_gaps(line, result.rows, gaps_to)
 
 
 def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> None:
     """Refuse tolerances out of range."""
-    names = {"--tol in m": tol, "--tol-tension": tol_tension}
-    if faults := [fault for name, value in names.items() for fault in tolerance_faults(value, name, *TOL_RANGE)]:
+    faults = [
+        *tolerance_faults(tol, "--tol in m", *TOL_RANGE),
+        *tolerance_faults(tol_tension, "--tol-tension", *TOL_RANGE),
+    ]
+    if faults:
         raise store.Refused([f"{fault}, of a line at rest" for fault in faults])
 
 
 def refuse_unlike_second_line(points: Sequence[GridPoint], second: Line | None) -> None:
     """Refuse a second line that is another one."""
-    if second is not None and any(
-        _contact_kinds_and_car_shoes(second) != _contact_kinds_and_car_shoes(point.scene) for point in points
-    ):
+    if second is None:
+        return
+    kinds = _contact_kinds_and_car_shoes(second)
+    if any(_contact_kinds_and_car_shoes(point.scene) != kinds for point in points):
         raise store.Refused("--second: must be a line with the same contacts, cars and positions")
 
 
 def _contact_kinds_and_car_shoes(line: Line) -> list[tuple[str, ...]]:
-    """Kinds of contacts, and of each car the shoe that it is on at every position."""
-    shoes = [
-        (car, [line.saddle_with_shoe_at(line.position_of(car, i)) for i in range(line.position_count)])
-        for car in line.car
-    ]
-    cars = [(car.name, *(shoe.name if shoe else "" for shoe in of_car)) for car, of_car in shoes]
-    return [tuple(f"{c.name} {c.kind}" for c in line.contact), *cars]
+    """Names and kinds of contacts, then of each car its name and the shoe that it is on at every position."""
+    out = [tuple(f"{c.name} {c.kind}" for c in line.contact)]
+    for car in line.car:
+        shoes = [line.saddle_with_shoe_at(line.position_of(car, i)) for i in range(line.position_count)]
+        out.append((car.name, *(shoe.name if shoe else "" for shoe in shoes)))
+    return out

@@ -55,14 +55,15 @@ def compare_and_check_laws(
 
 def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end: float) -> Iterator[Agreement]:
     """A row for each law that applies to the line in the TOML and each ladder, up to the time `end`."""
-    turns = any(car.turning is not None for car in ladders[0].finest.motion.cars)
-    known = motion_laws.LAWS | (motion_laws.BODY_LAWS if turns else {})
+    laws = dict(motion_laws.LAWS)
+    if any(car.turning is not None for car in ladders[0].finest.motion.cars):
+        laws |= motion_laws.BODY_LAWS
     if any(motion_laws.LineTables(toml).counterweights()):
-        known = known | motion_laws.COUNTERWEIGHT_LAWS
+        laws |= motion_laws.COUNTERWEIGHT_LAWS
     if any(motion_laws.any_free_car_sticks(toml, ladder.finest.motion) for ladder in ladders):
-        known = known | motion_laws.FRICTION_LAWS
+        laws |= motion_laws.FRICTION_LAWS
     for ladder in ladders:
-        for name, law in known.items():
+        for name, law in laws.items():
 
             def defect(moved: Any, every: int = 1, law: Any = law) -> Any:
                 return law(toml, moved.motion, end, every)
@@ -103,9 +104,11 @@ def check_line(
 
 def _doubled_where_coarse(space: int, time: int, rows: Sequence[Agreement]) -> tuple[int, int]:
     """Double space, time or both: where bars of both solvers are over half of what is asked, or the larger one."""
-    coarse = [row for row in rows if row.verdict is not Verdict.AGREE and row.parts]
-    excess = np.array([2.0 * np.sum(row.parts, axis=0) / (row.required or 1.0) for row in coarse] or [(0.0, 1.0)])
-    largest = excess.max(axis=0)  # in space and in time
+    excess = []  # of bars over half of what is asked, in space and in time
+    for row in rows:
+        if row.verdict is not Verdict.AGREE and row.parts:
+            excess.append(2.0 * np.sum(row.parts, axis=0) / (row.required or 1.0))
+    largest = np.array(excess or [(0.0, 1.0)]).max(axis=0)
     in_space, in_time = (largest >= min(1.0, largest.max())).tolist()
     if in_space:
         space *= 2
@@ -142,13 +145,13 @@ def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> Non
 
 
 def refuse_unlike_second_line(points: Sequence[GridPoint], second: Line | None) -> None:
-    """Refuse a second line that is another one."""
-    if second is not None and any(
-        _names_of_contacts_and_cars(second) != _names_of_contacts_and_cars(point.scene) for point in points
-    ):
+    """Refuse a second line at rest, or with other names of contacts and cars."""
+    if second is not None and not all(_has_same_contacts_and_cars(second, point.scene) for point in points):
         raise store.Refused("--second: must be a line in motion with the same contacts and cars")
 
 
-def _names_of_contacts_and_cars(line: Line) -> list[Any]:
-    """Names of contacts and cars, after whether the line moves."""
-    return [line.moves, *(x.name for x in line.contact), *(x.name for x in line.car)]
+def _has_same_contacts_and_cars(a: Line, b: Line) -> bool:
+    """Whether these have the same names, and both lines move or rest."""
+    contacts = [x.name for x in a.contact] == [x.name for x in b.contact]
+    cars = [x.name for x in a.car] == [x.name for x in b.car]
+    return contacts and cars and a.moves is b.moves

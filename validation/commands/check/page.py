@@ -13,6 +13,7 @@ from validation.page.answer.content import answer_page_content
 from validation.page.answer.stored import read_stored_check
 from validation.page.page import VERDICTS, Section, render_sections, worst_verdict
 
+Row = dict[str, Any]
 WORDS = store.read_packaged_toml(__package__, "words.toml")
 LINE_PAGES: dict[str, tuple[Callable[..., list[Section]], Callable[[Path], list[Section]]]] = {
     "rest-check": (line.rest_sections, line.line_grid_sections),
@@ -22,7 +23,7 @@ COUNTED = WORDS["counted"]
 
 
 def sections(folder: Path) -> list[Section]:
-    of_line = _sections_of_line(folder)
+    of_line = _line_sections_if_stored(folder)
     if of_line:
         return of_line
     grid = folder / "grid-check" / "grid.json"
@@ -34,16 +35,18 @@ def sections(folder: Path) -> list[Section]:
         return [Section("answer", "Answer", "", "not comparable", "No answer: every run broke at its start.")]
     # of both solvers; a third party has its own verdict
     own = [row for row in x.comparison_rows if not row.get("with")]
-    return render_sections(
-        __package__, **answer_page_content(x) | {"verdict": worst_deciding_verdict(own) or "not comparable"},
-        words=WORDS, named=_comparison_name, said=agreement_sentence(own), doubts=x.agreement.get("doubts", []),
-        third=third_party_verdict_and_sentence(x.comparison_rows, x.third_party.method) if x.third_party else None,
-        groups=_summary_rows_of_groups(x.comparison_rows),
-        distance=draw.plot_path_distance(x) if len(x.runs) > 1 else "",
-    )  # fmt: skip
+    content = answer_page_content(x)
+    content |= {"verdict": worst_deciding_verdict(own) or "not comparable", "said": agreement_sentence(own)}
+    content |= {"words": WORDS, "named": _comparison_name, "doubts": x.agreement.get("doubts", [])}
+    content["third"] = None
+    if x.third_party:
+        content["third"] = third_party_verdict_and_sentence(x.comparison_rows, x.third_party.method)
+    content["groups"] = _summary_rows_of_groups(x.comparison_rows)
+    content["distance"] = draw.plot_path_distance(x) if len(x.runs) > 1 else ""
+    return render_sections(__package__, **content)
 
 
-def _sections_of_line(folder: Path) -> list[Section]:
+def _line_sections_if_stored(folder: Path) -> list[Section]:
     """Sections of a line or of a grid of lines; none where another check is stored."""
     for home, (line_sections, grid_sections) in LINE_PAGES.items():
         if (folder / home).is_dir():
@@ -54,11 +57,11 @@ def _sections_of_line(folder: Path) -> list[Section]:
     return []
 
 
-def agreement_sentence(rows: list[dict[str, Any]]) -> str:
+def agreement_sentence(rows: list[Row]) -> str:
     """One sentence: how many asked rows agree, by kind: two solvers, laws of one answer, printed numbers."""
     kinds = WORDS["sure"]
     named = {name for kind in kinds.values() for name in _quantities_of_groups(kind["groups"])}
-    deciding = [row for row in rows if row.get("asked", True)]
+    deciding = _deciding(rows)
     others = {row["quantity"] for row in deciding} - named
     parts = []
     for kind, how in kinds.items():
@@ -73,7 +76,7 @@ def _quantities_of_groups(groups: list[str]) -> set[str]:
     return {name for group in groups for name in WORDS["groups"][group]}
 
 
-def _agreeing_count_text(kind: str, hold: str, rows: list[dict[str, Any]]) -> str:
+def _agreeing_count_text(kind: str, hold: str, rows: list[Row]) -> str:
     """How many rows agree, as "3 of 4 laws hold, 1 disagrees"; kind, hold : subject and verb."""
     others = [row for row in rows if row["verdict"] != "agree"]
     agreeing = len(rows) - len(others)
@@ -82,40 +85,50 @@ def _agreeing_count_text(kind: str, hold: str, rows: list[dict[str, Any]]) -> st
     return f"{agreeing} of {len(rows)} {kind} {hold}, {_verdict_count_text(others)}"
 
 
-def _verdict_count_text(rows: list[dict[str, Any]]) -> str:
+def _verdict_count_text(rows: list[Row]) -> str:
     """How many rows have each verdict, the worst first."""
     count = Counter(row["verdict"] for row in rows)
     return ", ".join(f"{count[verdict]} {COUNTED[verdict]}" for verdict in reversed(VERDICTS) if count[verdict])
 
 
-def worst_deciding_verdict(rows: list[dict[str, Any]]) -> str | None:
+def worst_deciding_verdict(rows: list[Row]) -> str | None:
     """The worst verdict of the rows that decide."""
-    return worst_verdict(row for row in rows if row.get("asked", True))
+    return worst_verdict(_deciding(rows))
 
 
-def third_party_verdict_and_sentence(rows: list[dict[str, Any]], name: str) -> tuple[str, str]:
+def _deciding(rows: list[Row]) -> list[Row]:
+    return [row for row in rows if row.get("asked", True)]
+
+
+def third_party_verdict_and_sentence(rows: list[Row], name: str) -> tuple[str, str]:
     """The verdict on a third party, and a sentence with the one change that would make it agree."""
     theirs = [row for row in rows if row.get("with") == name]
     worst = worst_deciding_verdict(theirs) or "not comparable"
-    notes = [note for row in theirs for note in row.get("notes", ())]
-    return worst, "; ".join([WORDS["third"][worst], *dict.fromkeys(notes)]) + "."
+    parts = [WORDS["third"][worst]]
+    for row in theirs:
+        parts += row.get("notes", ())
+    return worst, "; ".join(dict.fromkeys(parts)) + "."
 
 
-def _summary_rows_of_groups(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _summary_rows_of_groups(rows: list[Row]) -> list[Row]:
     """One row for each of the page's groups of quantities: its worst verdict, and how many have each."""
-    named = {name for names in WORDS["groups"].values() for name in names}
-    groups = WORDS["groups"] | {"Other comparisons": {row["quantity"] for row in rows} - named}
-    parts = {group: [row for row in rows if row["quantity"] in of] for group, of in groups.items()}
-    return [_summary_row_of_group(group, part) for group, part in parts.items() if part]
+    grouped: dict[str, list[Row]] = {group: [] for group in (*WORDS["groups"], "Other comparisons")}
+    group_of = {name: group for group, names in WORDS["groups"].items() for name in names}
+    for row in rows:
+        group = group_of.get(row["quantity"], "Other comparisons")
+        grouped[group].append(row)
+    return [_summary_row_of_group(group, of_group) for group, of_group in grouped.items() if of_group]
 
 
-def _summary_row_of_group(group: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
-    deciding = [row for row in rows if row.get("asked", True)]
-    worst = worst_deciding_verdict(deciding)
+def _summary_row_of_group(group: str, rows: list[Row]) -> Row:
+    deciding = _deciding(rows)
+    text = _verdict_count_text(deciding)
     bad = "; ".join(_comparison_name(row) for row in deciding if row["verdict"] != "agree")
-    return {"group": group, "verdict": worst, "words": _verdict_count_text(deciding) + (f" ({bad})" if bad else "")}
+    if bad:
+        text += f" ({bad})"
+    return {"group": group, "verdict": worst_deciding_verdict(deciding), "words": text}
 
 
-def _comparison_name(row: dict[str, Any]) -> str:
+def _comparison_name(row: Row) -> str:
     parts = [row["quantity"].replace("_", " "), row.get("law"), row.get("with")]
     return ": ".join(part for part in parts if part)

@@ -59,6 +59,7 @@ SHARES = {"elements": 1.0, "galerkin": 5.0}  # of the tolerance: dense bases cos
 DECIDING_QUANTITIES = {"all": (), "path": ("path_max", "path_rms", "place", "speed")}  # rows that decide; (): all
 
 Settings = dict[str, Any]
+Row = dict[str, Any]  # of a JSON file
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +72,8 @@ class Check:
     tol: float
     window: tuple[float, float]
     rows: list[Agreement]
-    quasi_static: list[dict[str, Any]] = field(default_factory=list)  # events of the quasi-static ride
-    verification: list[dict[str, Any]] = field(default_factory=list)  # of design numbers, see `verification`
+    quasi_static: list[Row] = field(default_factory=list)  # events of the quasi-static ride
+    verification: list[Row] = field(default_factory=list)  # of design numbers, see `verification`
 
     @property
     def methods(self) -> list[str]:
@@ -89,7 +90,7 @@ class Check:
         return worst_deciding_verdict([row for row in self.rows if not row.third_party])
 
     @property
-    def design(self) -> list[dict[str, Any]]:
+    def design(self) -> list[Row]:
         """Design numbers, each by the better solver; the bar is at least the gap."""
         other = {row["quantity"]: row for row in self.b.finest.design}
         pairs = [(row, other.get(row["quantity"], row)) for row in self.a.finest.design]
@@ -111,21 +112,22 @@ class Check:
         return f"<div><p>{html.escape(repr(self))}</p>{rows}{self.a.finest._repr_html_()}</div>"
 
     @property
-    def limits(self) -> list[dict[str, Any]]:
+    def limits(self) -> list[Row]:
         """Verdicts on the limits of the scene."""
         return limits.limit_rows(self.scene, self.design, self.a.finest.events)
 
-    def agreement(self) -> dict[str, Any]:
+    def agreement(self) -> Row:
         """Content of agreement.json."""
-        judged = {"limits": self.limits} if self.scene.limits else {}
-        return judged | {
-            "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window),
-            "axis": View.of_scene(self.scene).axis, "tol": self.tol,
-            "methods": [self.a.finest.method, self.b.finest.method], "rows": [row.to_json() for row in self.rows],
-            "design": self.design, "verification": self.verification, "events": self.a.finest.events,
-            "quasi_static": self.quasi_static,
-            "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
-        }  # fmt: skip
+        content: Row = {"limits": self.limits} if self.scene.limits else {}
+        content |= {"scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window)}
+        content |= {"axis": View.of_scene(self.scene).axis, "tol": self.tol, "methods": self.methods}
+        content["rows"] = [row.to_json() for row in self.rows]
+        content["design"] = self.design
+        content["verification"] = self.verification
+        content["events"] = self.a.finest.events
+        content["quasi_static"] = self.quasi_static
+        content["doubts"] = [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts]
+        return content
 
     def write(self, out: Path | str) -> None:
         """Write scene.toml, one folder per method and agreement.json."""
@@ -160,19 +162,23 @@ def check(
     if ask not in DECIDING_QUANTITIES:
         raise ValueError(f"ask = {short_text(ask)}: unknown.{did_you_mean(str(ask), DECIDING_QUANTITIES)}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+    tolerance = partial(tolerance_of_kind, tol=tol, tol_tension=tol_tension)
     sides = _methods_with_tolerance_shares((scene, second or scene), methods, tol, until)
-    (first, other), rows = _refine_and_compare(scene, sides, tol, tol_tension, ask, progress)
-    own = _with_design_and_events(first, other), _with_design_and_events(other, first)
-    rows += design_gap_rows(*own, tolerance_of_kind("rest", tol, tol_tension))
-    a, b = (_with_widened_bars(x, counterpart, rows) for x, counterpart in (own, own[::-1]))
+    (first, other), rows = _refine_and_compare(scene, sides, tolerance, ask, progress)
+    own_a = _with_design_and_events(first, other)
+    own_b = _with_design_and_events(other, first)
+    rows += design_gap_rows(own_a, own_b, tolerance("rest"))
+    a = _with_widened_bars(own_a, own_b, rows)
+    b = _with_widened_bars(own_b, own_a, rows)
     static = quasi_static_events_with_bars(scene, a.finest.max_deflection)
-    rows += quasi_static_event_rows(a, static, tolerance_of_kind("rest", tol, tol_tension))
+    rows += quasi_static_event_rows(a, static, tolerance("rest"))
     rows += mark_deciding_rows(worse_recomputed_rows(scene, a.finest, b.finest), ask)
     if deep:
         from validation.commands.check import deep as third
 
         rows += third.rows_against_third_parties(scene, a)
-    return Check(scene, a, b, tol, _compared_window(scene, a, b), rows, static, verification.verification_rows(*own))
+    verified = verification.verification_rows(own_a, own_b)
+    return Check(scene, a, b, tol, _compared_window(scene, a, b), rows, static, verified)
 
 
 def mark_deciding_rows(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
@@ -189,7 +195,7 @@ class _MethodOnScene:
     method: Method
     tol: float
     budget: float
-    ends: dict[str, Any]
+    ends: Settings
 
     def refine_within_budget(self, progress: Progress) -> Ladder:
         """Run as fine as the tolerance needs, or as the budget allows."""
@@ -232,24 +238,21 @@ def _methods_with_tolerance_shares(
 ) -> list[_MethodOnScene]:
     """Each method with its scene, its share of the tolerance, and the budget."""
     loaded = [find_method(m) if isinstance(m, str) else m for m in methods]
-    shares = [SHARES.get(m.wing, 1.0) for m in loaded]
+    total = sum(SHARES.get(m.wing, 1.0) for m in loaded)
     ends = {} if until is None else {"until": until}
     budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
-    each = zip(scenes, loaded, shares, strict=True)
-    return [_MethodOnScene(scene, m, tol * share / sum(shares), budget, ends) for scene, m, share in each]
+    sides = []
+    for scene, m in zip(scenes, loaded, strict=True):
+        share = SHARES.get(m.wing, 1.0)
+        sides.append(_MethodOnScene(scene, m, tol * share / total, budget, ends))
+    return sides
 
 
 def _refine_and_compare(
-    scene: Scene,
-    sides: list[_MethodOnScene],
-    tol: float,
-    tol_tension: float | None,
-    ask: str,
-    progress: Progress,
-) -> tuple[list[Ladder], list[Agreement]]:
+    scene: Scene, sides: list[_MethodOnScene], tolerance: Callable[[str], float], ask: str, progress: Progress
+) -> tuple[list[Ladder], list[Agreement]]:  # fmt: skip
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
     jobs: list[Callable[[Progress], Any]] = [side.refine_within_budget for side in sides]
-    tolerance = partial(tolerance_of_kind, tol=tol, tol_tension=tol_tension)
     confirmed = False
     toml = scene.to_toml()
     while True:
@@ -264,10 +267,8 @@ def _refine_and_compare(
         if not any(finer):
             return ladders, rows
         confirmed = worst_deciding_verdict(rows) is Verdict.DISAGREE
-        jobs = [
-            partial(side.rerun_unless_none, settings, ladder)
-            for side, settings, ladder in zip(sides, finer, ladders, strict=True)
-        ]
+        each = zip(sides, finer, ladders, strict=True)
+        jobs = [partial(side.rerun_unless_none, settings, ladder) for side, settings, ladder in each]
 
 
 def _finer_settings_of_sides(
@@ -280,8 +281,9 @@ def _finer_settings_of_sides(
     if confirmed and worst_deciding_verdict(rows) is Verdict.DISAGREE:
         return [None for _ in sides]
     finer: list[Settings | None] = []
+    pairs = list(zip(sides, ladders, strict=True))
     for for_larger_bar in (True, False):
-        finer = [side.finer_settings(ladder, rows, for_larger_bar) for side, ladder in zip(sides, ladders, strict=True)]
+        finer = [side.finer_settings(ladder, rows, for_larger_bar) for side, ladder in pairs]
         if any(finer):
             break
     return finer
@@ -330,10 +332,9 @@ def _import_judging_modules() -> None:
 
 def _with_design_and_events(ladder: Ladder, counterpart: Ladder) -> Ladder:
     """The ladder with design numbers and events of its finest run."""
-    return replace(
-        ladder,
-        finest=replace(ladder.finest, design=design_numbers(ladder, counterpart), events=events_with_bars(ladder)),
-    )
+    design = design_numbers(ladder, counterpart)
+    finest = replace(ladder.finest, design=design, events=events_with_bars(ladder))
+    return replace(ladder, finest=finest)
 
 
 def _with_widened_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement]) -> Ladder:
@@ -355,10 +356,12 @@ def _with_widened_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement
 
 def with_third_party(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
     """The check with rows of a third party, against our solver with the smaller bar."""
-    best = min((check.a, check.b), key=lambda ladder: path_bar_from_coarser_runs(ladder.finest))
+    ladders = check.a, check.b
+    best = min(ladders, key=lambda ladder: path_bar_from_coarser_runs(ladder.finest))
     rows = list(foreign.third_party_rows(path, best, check.window, with_tol))
     if isinstance(path, ForeignPath):
-        rows = with_remedy_note(rows, Remedies(path, check.scene, (check.a, check.b), check.window, with_tol))
+        remedies = Remedies(path, check.scene, ladders, check.window, with_tol)
+        rows = with_remedy_note(rows, remedies)
     return replace(check, rows=[*check.rows, *rows])
 
 

@@ -79,7 +79,7 @@ def _search_and_report(scene: Any, search: Callable[..., Any], writes: list[str]
         wrong = report.report_read_back_faults(folder, "find", list(find_faults(folder, page, lines)))
         if result.interrupted:
             raise KeyboardInterrupt(f"what was computed is in {folder / 'find.json'}")
-    return wrong or int(not result.changes)
+    return wrong or int(not result.answered)
 
 
 def _parse_key_and_range(pair: str) -> tuple[str, tuple[float, float]]:

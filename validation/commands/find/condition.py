@@ -59,7 +59,7 @@ class Answer:
                 number = Number(row["value"], row["bar"], row["unit"])
                 kind = row["quantity"].partition(":")[0]
                 pick = max if kind.endswith("_max") else min
-                numbers[_name_with_dots(row["quantity"])] = number
+                numbers[_colons_to_dots(row["quantity"])] = number
                 numbers[kind] = pick(number, numbers.get(kind, number), key=lambda x: x.value)
         short = [_EXTREME.sub("", name) for name in numbers]
         for name, brief in zip(list(numbers), short, strict=True):
@@ -78,13 +78,13 @@ class Answer:
         return cls(outcome.kind, outcome.sentence, numbers, verdict, "" if worst is None else _limit_sentence(worst))
 
 
-def _limit_sentence(row: dict[str, Any]) -> str:
+def _limit_sentence(row: Row) -> str:
     """As "top speed 5.1 ± 0.1 m/s = 18.4 ± 0.4 km/h, at most 4 m/s = 14 km/h (the scene): not met"."""
     text = limit_row_texts(row)
     return f"{text['limit']} {text['value']}, {text['demanded']} ({text['by']}): {text['verdict']}"
 
 
-def _name_with_dots(name: str) -> str:
+def _colons_to_dots(name: str) -> str:
     """As `clearance_car.tree` for `clearance_car:tree`."""
     return name.replace(":", ".").rstrip(".")
 
@@ -151,7 +151,7 @@ def _parse_clause(text: str) -> Clause:
         return Clause(text, "outcome", right=match[3])
     if match[2] == "=":
         raise Refused(f"--so-that: cannot read {text!r}; numbers are compared by <= or >=")
-    return Clause(text, _name_with_dots(match[1]), 1.0 if match[2][0] == ">" else -1.0, match[3], match[4])
+    return Clause(text, _colons_to_dots(match[1]), 1.0 if match[2][0] == ">" else -1.0, match[3], match[4])
 
 
 def refuse_uncheckable_clauses(clauses: Sequence[Clause], answers: Sequence[Answer]) -> None:

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
+from validation.commands.find.condition import Row
 from validation.core import store
 from validation.page.page import Section, render_sections
 from validation.page.plot import BLACK, BLUE, Panel, svg_figure
@@ -18,8 +18,11 @@ def sections(folder: Path) -> list[Section]:
     rows = stored.get("rows", [])
     for row in stored.get("evaluations", []):
         row["said"] = "; ".join(_observed_text(x) for of_scene in row["read"] for x in of_scene)
-    heads = [_with_unit(stored["for"], stored["for_unit"]), _with_unit(stored["key"], stored["unit"])] if rows else []
-    figure = _curve_figure(rows, *heads) if rows else ""
+    heads = []
+    figure: Markup | str = ""
+    if rows:
+        heads = [_with_unit(stored["for"], stored["for_unit"]), _with_unit(stored["key"], stored["unit"])]
+        figure = _curve_figure(rows, *heads)
     return render_sections(__package__, found=stored, rows=rows, heads=heads, figure=figure)
 
 
@@ -27,7 +30,7 @@ def _with_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
-def _curve_figure(rows: Sequence[dict[str, Any]], other: str, key: str) -> Markup | str:
+def _curve_figure(rows: Sequence[Row], other: str, key: str) -> Markup | str:
     """Values of a key over those of another one, with their bars; "" of fewer than two, and over words.
 
     other, key : with their units.
@@ -37,19 +40,23 @@ def _curve_figure(rows: Sequence[dict[str, Any]], other: str, key: str) -> Marku
         return ""
     x = np.array([row["at"] for row in shown], float)
     y = np.array([row["value"] for row in shown], float)
-    bar = np.array([math.nan if row["bar"] is None else row["bar"] for row in shown])
+    bar = np.array([row["bar"] for row in shown], float)  # nan for None
     p = Panel("", key, 220.0)
     p.add_curve(x, y, BLUE, "", 1.8)
-    for at, value, half in zip(x, y, bar, strict=True):
-        if math.isfinite(half):
-            p.add_curve(np.array([at, at]), np.array([value - half, value + half]), BLACK, "", 1.4)
-        p.dots.append((float(at), float(value), BLUE, bool(math.isfinite(half))))
+    for at, value, half in zip(x.tolist(), y.tolist(), bar.tolist(), strict=True):
+        known = math.isfinite(half)
+        if known:
+            ends = np.array([value - half, value + half])
+            p.add_curve(np.array([at, at]), ends, BLACK, "", 1.4)
+        p.dots.append((at, value, BLUE, known))
     p.fit_y_axis([y, y - bar, y + bar])
     caption = f"{key} over {other}, with error bars of the model of the search."
     if np.isnan(bar).any():
         caption += " Circles: the bar is unknown, or of no use."
-    margin = 0.03 * float(np.ptp(x))
-    return svg_figure([p], (float(x.min()) - margin, float(x.max()) + margin), other, caption)
+    low = float(x.min())
+    high = float(x.max())
+    margin = 0.03 * (high - low)
+    return svg_figure([p], (low - margin, high + margin), other, caption)
 
 
 def _observed_text(value: float | str | None) -> str:

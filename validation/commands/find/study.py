@@ -18,7 +18,7 @@ from cablefem.scene.errors import short_text
 from cablefem.scene.keys import list_keys as keys_of
 from cablefem.scene.line import Line
 from cablefem.scene.short import load_line_or_none
-from validation.commands.find.condition import Answer, Clause, parse_condition, refuse_uncheckable_clauses
+from validation.commands.find.condition import Answer, Clause, Row, parse_condition, refuse_uncheckable_clauses
 from validation.core import store
 from validation.core.quantities import text_with_bar
 from validation.core.sidebyside import Progress, no_progress
@@ -70,13 +70,17 @@ class FindResult:
     key: str
     condition: str
     changes: list[Threshold]
-    tried_rows: list[dict[str, Any]] = field(default_factory=list)  # values, whether the condition holds, what happens
+    tried_rows: list[Row] = field(default_factory=list)  # values, whether the condition holds, what happens
     interrupted: bool = False
 
     @property
     def value(self) -> float | None:
         """The answer; None where the condition never changes."""
         return self.changes[0].value if self.changes else None
+
+    @property
+    def answered(self) -> bool:
+        return bool(self.changes)
 
     @property
     def sentence(self) -> str:
@@ -89,7 +93,9 @@ class FindResult:
             return f"{self.key}: interrupted; {self.condition} changes {' and '.join(between) or 'nowhere so far'}"
         if not self.changes:
             always = "everywhere" if self.tried_rows[0]["holds"] else "nowhere"
-            ends = "; ".join(f"at {x['value']:g}: {_why_text(x)}" for x in (self.tried_rows[0], self.tried_rows[-1]))
+            ends = "; ".join(
+                f"at {x['value']:g}: {_outcome_and_failure_text(x)}" for x in (self.tried_rows[0], self.tried_rows[-1])
+            )
             return f"{self.key}: {self.condition} holds {always} in the range; {ends}"
         many = f" (it changes {len(self.changes)} times)" if len(self.changes) > 1 else ""
         return f"{self.key}{many}: " + "; and ".join(change.sentence for change in self.changes)
@@ -97,19 +103,16 @@ class FindResult:
     def write(self, folder: Path) -> None:
         write_json(folder / "find.json", store.nulls_for_nonfinite(self.to_json()))
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> Row:
         """Content of find.json."""
-        first: dict[str, Any] = dict.fromkeys(("value", "bar", "holds_at", "fails_at"))
-        changes = []
-        for change in self.changes:
-            names = ("value", "bar", "holds_at", "fails_at", "fails", "verdict", "unit", "checked")
-            changes.append({name: getattr(change, name) for name in names})
-        if changes:
-            first = {name: changes[0][name] for name in first}
-        return {
-            "key": self.key, **first, "condition": self.condition, "sentence": self.sentence, "changes": changes,
-            "evaluations": self.tried_rows, "check": changes[0]["verdict"] if changes else None,
-        }  # fmt: skip
+        names = ("value", "bar", "holds_at", "fails_at", "fails", "verdict", "unit", "checked")
+        changes = [{name: getattr(change, name) for name in names} for change in self.changes]
+        first = changes[0] if changes else dict.fromkeys(names)
+        content: Row = {"key": self.key}
+        content |= {name: first[name] for name in names[:4]}
+        content |= {"condition": self.condition, "sentence": self.sentence, "changes": changes}
+        content |= {"evaluations": self.tried_rows, "check": first["verdict"]}
+        return content
 
 
 @dataclass(frozen=True)
@@ -119,13 +122,13 @@ class Curve:
     other: str
     key: str
     units: tuple[str, str]  # of the other key and of the key
-    rows: list[dict[str, Any]]
+    rows: list[Row]
     interrupted: bool = False
 
     @property
-    def changes(self) -> list[float]:
-        """Values that were found."""
-        return [row["value"] for row in self.rows if row["value"] is not None]
+    def answered(self) -> bool:
+        """Whether any value of the other key has an answer."""
+        return any(row["value"] is not None for row in self.rows)
 
     @property
     def sentence(self) -> str:
@@ -135,10 +138,8 @@ class Curve:
         names = {"at": self.other, "value": self.key, "bar": "bar", "answer": "answer"}
         write_csv_rows(folder / "find.csv", [{names[name]: x for name, x in row.items()} for row in self.rows])
         other_unit, unit = self.units
-        write_json(
-            folder / "find.json",
-            {"for": self.other, "key": self.key, "for_unit": other_unit, "unit": unit, "rows": self.rows},
-        )
+        content = {"for": self.other, "key": self.key, "for_unit": other_unit, "unit": unit, "rows": self.rows}
+        write_json(folder / "find.json", content)
 
 
 def find(
@@ -173,7 +174,7 @@ def find(
     return FindResult(key, so_that, changes, search.tried_rows())
 
 
-def _why_text(tried: Mapping[str, Any]) -> str:
+def _outcome_and_failure_text(tried: Mapping[str, Any]) -> str:
     """What happens at a value that was tried, and what does not hold there."""
     if not tried["fails"] or tried["fails"] == tried["outcome"]:
         return str(tried["outcome"])
@@ -217,8 +218,11 @@ class _Search:
 
     def scenes_at(self, value: float) -> list[Any]:
         """Scenes at a value of the key, one for each combination of `all_of`."""
-        combinations = itertools.product(*self.all_of.values())
-        return [self.scene.replace({self.key: value, **dict(zip(self.all_of, x, strict=True))}) for x in combinations]
+        scenes = []
+        for combination in itertools.product(*self.all_of.values()):
+            changes = dict(zip(self.all_of, combination, strict=True))
+            scenes.append(self.scene.replace({self.key: value, **changes}))
+        return scenes
 
     def answers_at(self, value: float) -> list[Answer]:
         """Answers at a value of the key; a scene or run that fails says why."""
@@ -231,12 +235,11 @@ class _Search:
                 ]
             except (SceneError, Refused, ArithmeticError) as error:
                 self.answers_by_value[value] = [replace(NONE, sentence=str(error).splitlines()[0])]
-            self.progress(
-                f"{self.key} = {value:.6g}", min(0.9, len(self.answers_by_value) / (BRACKETS + HALVINGS + 1.0))
-            )
+            done = len(self.answers_by_value) / (BRACKETS + HALVINGS + 1.0)
+            self.progress(f"{self.key} = {value:.6g}", min(0.9, done))
         return self.answers_by_value[value]
 
-    def tried_rows(self) -> list[dict[str, Any]]:
+    def tried_rows(self) -> list[Row]:
         """What happens at each value that was tried."""
         rows = []
         for value, answers in sorted(self.answers_by_value.items()):
@@ -277,14 +280,14 @@ class _Search:
                     fails_at = x
         share = self._crossing_share(holds_at, fails_at)
         value = holds_at if math.isnan(share) else holds_at + share * (fails_at - holds_at)
-        return Threshold(
-            value, holds_at, fails_at, self._unmet_condition_text(fails_at), unit=unit_of_key(self.scene, self.key)
-        )
+        fails = self._unmet_condition_text(fails_at)
+        return Threshold(value, holds_at, fails_at, fails, unit=unit_of_key(self.scene, self.key))
 
     def _crossing_share(self, holds_at: float, fails_at: float) -> float:
         """Where the first number that fails crosses its limit, over the interval; nan where words decide."""
         pairs = zip(self.margins_at(holds_at), self.margins_at(fails_at), strict=False)
-        return min((above / (above - below) for above, below in pairs if below < 0.0 <= above), default=math.nan)
+        shares = [above / (above - below) for above, below in pairs if below < 0.0 <= above]
+        return min(shares, default=math.nan)
 
     def _unmet_condition_text(self, value: float) -> str:
         """What does not hold at a value: a number beyond its limit, or what happens."""
@@ -354,9 +357,12 @@ class _Search:
 def unit_of_key(scene: Scene | Line, key: str) -> str:
     """Unit of a key, of lists of tables that of the first; "" of a number without one."""
     table, *rest = key.split(".")
-    names = (key, ".".join([table, "0", *rest[1:]]), ".".join([table, *rest[:1], "0", *rest[2:]]))
-    unit = next((known.unit for known in keys_of(type(scene)) if known.name in names), "-")
-    return "" if unit == "-" else unit
+    of_first_table = ".".join([table, "0", *rest[1:]])
+    of_first_in_table = ".".join([table, *rest[:1], "0", *rest[2:]])
+    for known in keys_of(type(scene)):
+        if known.name in (key, of_first_table, of_first_in_table):
+            return "" if known.unit == "-" else known.unit
+    return ""
 
 
 def _deciding_margin(where_it_holds: Sequence[float], where_it_fails: Sequence[float]) -> tuple[int, bool]:
@@ -421,7 +427,7 @@ def find_curve(
     scene: Any, keys: Mapping[str, Sequence[float]], other_key: str, values: Sequence[Any], **how: Any
 ) -> Curve:
     """Find for each value of another key, by the least model; `how` as in `find`."""
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     (key,) = keys
     units = (unit_of_key(scene, other_key), unit_of_key(scene, key))
     for value in values:

@@ -17,7 +17,10 @@ def command(
 ) -> int:
     """List every method, when to use it, and its settings; or say what the files of results hold."""
     if files:
-        return _print_files()
+        from validation.commands.methods.files import data_dictionary_entries
+
+        terminal.print_table(["file", "key", "unit", "meaning"], list(map(list, data_dictionary_entries())))
+        return 0
     from cablefem.response import write_json
     from validation.core import store
     from validation.core.methods import METHODS, methods_of_other_packages
@@ -27,13 +30,12 @@ def command(
     except ValueError as error:
         raise store.Refused(str(error)) from None
     if out is not None:
+        content = {}
+        for name, method in methods.items():
+            content[name] = {"title": method.title, "use": method.use, "wrong": method.wrong}
+            content[name]["settings"] = {key: asdict(setting) for key, setting in method.all_settings.items()}
         with writing_results(out, "methods", "methods", ["methods.json"]) as folder:
-            write_json(folder / "methods.json", {
-                name: {
-                    "title": method.title, "use": method.use, "wrong": method.wrong,
-                    "settings": {key: asdict(setting) for key, setting in method.all_settings.items()},
-                } for name, method in methods.items()
-            })  # fmt: skip
+            write_json(folder / "methods.json", content)
         return 0
     _print_methods(methods)
     return 0
@@ -56,13 +58,6 @@ def _print_methods(methods: Mapping[str, Any]) -> None:
     terminal.print_text("all methods, unless said otherwise above", style="bold")
     for key, setting in common.items():
         terminal.print_text(f"    {_setting_help_line(key, setting)}")
-
-
-def _print_files() -> int:
-    from validation.commands.methods.files import data_dictionary_entries
-
-    terminal.print_table(["file", "key", "unit", "meaning"], [list(entry) for entry in data_dictionary_entries()])
-    return 0
 
 
 def _setting_help_line(key: str, setting: Any) -> str:

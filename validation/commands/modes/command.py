@@ -18,10 +18,12 @@ def command(scene: SceneName, out: Out = None) -> int:
 
     result = run_study("modes", loaded, ["modes.json"], out, modes, loaded)
     hertz = result.omega[EXACT] / (2.0 * math.pi * loaded.time_scale)
-    rows = [
-        [str(i + 1), f"{hertz[i]:.5g}", *(f"{omega[i]:.7f}" for omega in result.omega.values())] for i in range(COUNT)
-    ]
-    terminal.print_table(["mode", "Hz", *result.omega], rows, right=["mode", "Hz", *result.omega])
+    rows = []
+    for i in range(COUNT):
+        frequencies = [f"{omega[i]:.7f}" for omega in result.omega.values()]
+        rows.append([str(i + 1), f"{hertz[i]:.5g}", *frequencies])
+    heads = ["mode", "Hz", *result.omega]
+    terminal.print_table(heads, rows, right=heads)
     terminal.print_text()
     printing.print_agreements(result.rows)
     return 0 if all(row.verdict.value == "agree" for row in result.rows) else 1

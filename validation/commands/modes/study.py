@@ -23,7 +23,8 @@ class Modes:
     rows: list[Agreement]
 
     def write(self, out: Path) -> None:
-        write_json(out / "modes.json", {name: omega.tolist() for name, omega in self.omega.items()})
+        content = {name: omega.tolist() for name, omega in self.omega.items()}
+        write_json(out / "modes.json", content)
 
 
 def scaled_cable_frequencies(
@@ -58,17 +59,17 @@ def modes(scene: Scene, out: Path | None = None, progress: Progress = no_progres
         "wavelet": [scaled_cable_frequencies(groups, level=n, n=COUNT) for n in (4, 3)],
     }
     exact = catenary_modes.solve_modes(groups.sigma, groups.alpha, groups.c, count=COUNT)
+    omega: dict[str, Array] = {}
     rows = []
-    rounding = 1e-10  # relative; dense solvers lose the ratio of the stiffest to the lowest mode
+    rounding = BoundPart("rounding", 1e-10)  # relative; dense solvers lose the ratio of the stiffest to the lowest mode
     for name, (fine, coarse) in pairs.items():
-        gap = np.abs(fine / exact.omega - 1.0)
-        bar = np.abs(fine / coarse - 1.0)
-        parts = (
-            BoundPart(name, float(bar.max()), "the change from half the resolution"),
-            BoundPart("rounding", rounding),
-        )
-        rows.append(Agreement(name, float(gap.max()), Bound("own bar", parts)))
-    result = Modes({name: fine for name, (fine, _) in pairs.items()} | {EXACT: exact.omega}, rows)
+        omega[name] = fine
+        gap = float(np.abs(fine / exact.omega - 1.0).max())
+        bar = float(np.abs(fine / coarse - 1.0).max())
+        change = BoundPart(name, bar, "the change from half the resolution")
+        rows.append(Agreement(name, gap, Bound("own bar", (change, rounding))))
+    omega[EXACT] = exact.omega
+    result = Modes(omega, rows)
     if out is not None:
         result.write(out)
     return result
