@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem.elements.line_coordinates import Coordinates
-from cablefem.elements.reference import lagrange_element, shape_polynomial_coefficients
 from cablefem.elements.segments import Segments
 from cablefem.elements.system import LineElements
 from cablefem.newmark import Array, State, consistent_acceleration
@@ -15,40 +13,55 @@ from cablefem.shoes import LineSnapshot, Passage, line_and_snapshot_after_passag
 
 def system_after_passage(system: LineElements, passage: Passage, x: State) -> tuple[LineElements, State]:
     """The line after a passage, and its state: r interpolated, velocities by least squares."""
-    old = system.coordinates_from_unknowns(*x)
-    over = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.cars_off_rope}
-    line, snapshot = line_and_snapshot_after_passage(
-        system.line, passage, x.t, x.phase, _line_snapshot_of(system, old, over)
-    )
-    new = LineElements(line, elements=system.segments.elements, degree=system.segments.degree, compiled=system.compiled)
+    before = system.coordinates_from_unknowns(*x)
+    off_rope = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.over}
+    snapshot = _line_snapshot_of(system, before, off_rope)
+    line, snapshot = line_and_snapshot_after_passage(system.line, passage, x.t, x.phase, snapshot)
+    segments = system.segments
+    new = LineElements(line, elements=segments.elements, degree=segments.degree, compiled=system.compiled)
     z = new.prescribed_coordinates(x.t, x.phase)
-    _copy_body_coordinates(system, old, new, z)
-    for k, contact in enumerate(line.contacts_and_wheels):
-        z.q[new.s[k]], z.v[new.s[k]] = snapshot.s[contact.name], snapshot.ds[contact.name]
-        for i in (0, 1):
-            z[i][2 * new.node[k] + np.arange(2)] = snapshot.points[contact.name][i]
+    _copy_body_coordinates(system, before, new, z)
+    _set_contact_coordinates(new, snapshot, z)
     z = new.fill_dependent_coordinates(np.array(z))
-    names = [c.name for c in line.contacts_and_wheels]
-    if passage.car in system.swing_off_rope and passage.car in names:  # its velocity may jump
-        jump = z.v[2 * new.node[names.index(passage.car)] + np.arange(2)] - over[passage.car][1]
-        swing = _body_slots_by_car(new)[passage.car]
-        z.v[swing] += system.off_rope[passage.car].swing_rate_jump(z.q[swing], jump)
-    for k in range(len(names) - 1):
-        _fit_segment(system, old, new, z, k)
+    if passage.car in system.swing_off_rope:
+        _add_jump_of_swing_rate(system, new, passage.car, off_rope[passage.car][1], z)
+    for k in range(len(new.nodes)):
+        _fit_segment(system, before, new, z, k)
     for name in ("hold", "signs", "brakes", "rear_brakes"):
         setattr(new, name, _reorder_by_car(system, new, getattr(system, name)))
     new.set_travel_directions(x.phase)
     return new, consistent_acceleration(new, x.t, z.q[new.free], z.v[new.free], x.phase)
 
 
-def _line_snapshot_of(system: LineElements, z: Coordinates, over: dict[str, Array]) -> LineSnapshot:
-    """The line at coordinates z; over : points with rates (3, 2) of cars off the rope."""
-    points = np.array(z)[:, 2 * system.node[:, None] + np.arange(2)]
+def _set_contact_coordinates(new: LineElements, snapshot: LineSnapshot, z: Coordinates) -> None:
+    """Set s and points of all contacts with their velocities in z."""
+    for k, contact in enumerate(new.line.contacts_and_wheels):
+        slot = new.s[k]
+        point = 2 * new.node[k] + np.arange(2)
+        z.q[slot] = snapshot.s[contact.name]
+        z.v[slot] = snapshot.ds[contact.name]
+        z.q[point] = snapshot.points[contact.name][0]
+        z.v[point] = snapshot.points[contact.name][1]
+
+
+def _add_jump_of_swing_rate(old: LineElements, new: LineElements, car: str, velocity: Array, z: Coordinates) -> None:
+    """Add to the swing rate in z what the jump of the car's velocity gives; velocity : off the rope (2,)."""
+    i = [c.name for c in new.line.cars].index(car)
+    node = new.node[new.cars[i]]
+    jump = new.node_points(z.v)[node] - velocity
+    swing = _body_slots_by_car(new)[car]
+    z.v[swing] += old.off_rope[car].swing_rate_jump(z.q[swing], jump)
+
+
+def _line_snapshot_of(system: LineElements, z: Coordinates, off_rope: dict[str, Array]) -> LineSnapshot:
+    """The line at coordinates z; off_rope : points with rates (3, 2) of cars off the rope."""
+    with_rates = np.array(z)
+    points = with_rates[:, 2 * system.node[:, None] + np.arange(2)]
 
     def rope_at(s: float) -> Array:
         return positions_slopes_and_velocities_at(system, z, np.array([s]))[:, 0]
 
-    return line_snapshot(system.line, points, np.array(z)[:, system.s], over, rope_at)
+    return line_snapshot(system.line, points, with_rates[:, system.s], off_rope, rope_at)
 
 
 def _copy_body_coordinates(old: LineElements, before: Coordinates, new: LineElements, z: Coordinates) -> None:
@@ -77,14 +90,17 @@ def _reorder_by_car(old: LineElements, new: LineElements, values: Array) -> Arra
 def _fit_segment(old: LineElements, before: Coordinates, new: LineElements, z: Coordinates, k: int) -> None:
     """Set r and v inside segment k of z by least squares: first the slopes r', then dr/dt = w + c r'."""
     segments = new.segments
-    s, ds = z.q[new.s[k : k + 2]], z.v[new.s[k : k + 2]]
-    h = s[1] - s[0]
-    r, v = (values[: 2 * new.n].reshape(-1, 2)[new.nodes[k]] for values in (z.q, z.v))
-    _, slope, w = positions_slopes_and_velocities_at(old, before, segments.psi @ s)
+    nodes = new.nodes[k]
+    ends = new.s[k : k + 2]
+    h = z.q[ends[1]] - z.q[ends[0]]
+    _, slope, w = positions_slopes_and_velocities_at(old, before, segments.psi @ z.q[ends])
+    r = new.node_points(z.q)[nodes]
     _fit_inner_unknowns(segments, segments.slopes, r, slope * h)
-    _fit_inner_unknowns(segments, segments.values, v, w + (segments.psi @ ds)[:, None] * (segments.slopes @ r) / h)
-    for values, fitted in ((z.q, r), (z.v, v)):
-        values[: 2 * new.n].reshape(-1, 2)[new.nodes[k]] = fitted
+    v = new.node_points(z.v)[nodes]
+    c = (segments.psi @ z.v[ends])[:, None]
+    _fit_inner_unknowns(segments, segments.values, v, w + c * (segments.slopes @ r) / h)
+    new.node_points(z.q)[nodes] = r
+    new.node_points(z.v)[nodes] = v
 
 
 def _fit_inner_unknowns(segments: Segments, table: Array, x: Array, target: Array) -> None:
@@ -96,17 +112,17 @@ def _fit_inner_unknowns(segments: Segments, table: Array, x: Array, target: Arra
 
 def positions_slopes_and_velocities_at(system: LineElements, z: Coordinates, s: Array) -> Array:
     """r, r' and the velocity at fixed s (3, m, 2) at the points s (m,)."""
-    segments, at, ds = system.segments, z.q[system.s], z.v[system.s]
-    k = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(at) - 2)
-    h = (at[k + 1] - at[k])[:, None]
-    xi = (s - at[k]) / h[:, 0]
-    element = np.clip((xi * segments.elements).astype(int), 0, segments.elements - 1)
-    local = xi * segments.elements - element
-    shapes = shape_polynomial_coefficients(lagrange_element(segments.degree)).T
-    values, slopes = polyval(local, shapes).T, polyval(local, polyder(shapes)).T * segments.elements  # (m, n_loc)
-    nodes = system.nodes[k[:, None], segments.dofs[element]]  # (m, n_loc)
-    r, v = (values_of[: 2 * system.n].reshape(-1, 2)[nodes] for values_of in (z.q, z.v))
-    slope = np.einsum("mn,mna->ma", slopes, r) / h
+    segments = system.segments
+    ends = z.q[system.s]
+    ds = z.v[system.s]
+    k = np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(ends) - 2)
+    h = ends[k + 1] - ends[k]
+    xi = (s - ends[k]) / h
+    shapes = segments.element_shapes(xi)
+    nodes = system.nodes[k[:, None], shapes.nodes]  # (m, n_loc)
+    r = system.node_points(z.q)[nodes]
+    v = system.node_points(z.v)[nodes]
+    slope = np.einsum("nm,mna->ma", shapes.slopes * segments.elements, r) / h[:, None]
     c = ds[k] + xi * (ds[k + 1] - ds[k])
-    w = np.einsum("mn,mna->ma", values, v) - c[:, None] * slope
-    return np.stack([np.einsum("mn,mna->ma", values, r), slope, w])
+    w = np.einsum("nm,mna->ma", shapes.values, v) - c[:, None] * slope
+    return np.stack([np.einsum("nm,mna->ma", shapes.values, r), slope, w])

@@ -89,70 +89,83 @@ class _LineBatch:
     """
 
     def __init__(self, starts: Sequence[tuple[Case, Start]], elements: int) -> None:
-        cases = [case for case, _ in starts]
-        self.cases = cases
+        self.cases = [case for case, _ in starts]
         self.elements = elements
-        self.stations = [p for case in cases for p in case.stations]
-        counts = np.array([len(case.stations) for case in cases])
-        self.owner = np.repeat(np.arange(len(cases)), counts)  # case of each station
-        self.last = np.cumsum(counts) - 1  # station of each case
-        self.left = np.delete(np.arange(self.owner.size), self.last)
-        self.pieces = self.left.size
-        nodes = np.add.outer(2.0 * np.arange(self.pieces), np.linspace(0.0, 1.0, elements + 1))
-        ids = np.arange(nodes.size).reshape(nodes.shape)
-        self.mesh = skfem.MeshLine(nodes.reshape(1, -1), np.stack([ids[:, :-1].ravel(), ids[:, 1:].ravel()]))
-        self.basis = skfem.Basis(self.mesh, skfem.ElementVector(skfem.ElementLinePp(DEGREE), 2), intorder=ORDER)
-        self.dofs = self.basis.nodal_dofs[:, ids]  # (2, pieces, elements + 1)
-        data = np.array([(case.weight, case.EA, case.thermal_stretch) for case in cases])[self.owner[self.left]]
-        self.q, self.EA, self.a = np.repeat(data, elements, axis=0).T[:, :, None]
-        self._set_up_unknowns()
+        self._set_stations_and_mesh()
+        self._set_rope_data()
+        self._set_unknowns()
+        self._set_loads_springs_and_conditions()
         self._set_first_guess([start for _, start in starts])
 
-    def _set_up_unknowns(self) -> None:
+    def _set_stations_and_mesh(self) -> None:
+        self.stations = [p for case in self.cases for p in case.stations]
+        counts = [len(case.stations) for case in self.cases]
+        self.owner = np.repeat(np.arange(len(counts)), counts)  # case of each station
+        self.last = np.cumsum(counts) - 1  # station of each case
+        self.left = np.delete(np.arange(self.owner.size), self.last)  # station at the left end of each piece
+        self.pieces = self.left.size
+        nodes = np.add.outer(2.0 * np.arange(self.pieces), np.linspace(0.0, 1.0, self.elements + 1))
+        ids = np.arange(nodes.size).reshape(nodes.shape)
+        ends = np.stack([ids[:, :-1].ravel(), ids[:, 1:].ravel()])
+        mesh = skfem.MeshLine(nodes.reshape(1, -1), ends)
+        element = skfem.ElementVector(skfem.ElementLinePp(DEGREE), 2)
+        self.basis = skfem.Basis(mesh, element, intorder=ORDER)
+        self.dofs = self.basis.nodal_dofs[:, ids]  # (2, pieces, elements + 1)
+
+    def _set_rope_data(self) -> None:
+        """Set weight, stiffness and thermal stretch of each element, (elements of all, 1)."""
+        of_cases = np.array([(case.weight, case.EA, case.thermal_stretch) for case in self.cases])
+        of_pieces = of_cases[self.owner[self.left]]
+        self.q, self.EA, self.a = np.repeat(of_pieces, self.elements, axis=0).T[:, :, None]
+
+    def _set_unknowns(self) -> None:
+        """Number the unknowns, and set T and w0."""
         N = self.basis.N
-        h = self.basis.N + np.arange(self.pieces)
         self.prescribed = np.concatenate([np.column_stack([case.points_or_nan, case.s_or_nan]) for case in self.cases])
         free = np.isnan(self.prescribed)
-        count = int(free.sum())
-        self.number = np.full(free.shape, -1)
-        self.number[free] = np.arange(count)
+        self.number = np.where(free, np.cumsum(free).reshape(free.shape) - 1, -1)
         # (u_x, u_y, h) of the piece behind each station and ahead; -1: no piece
+        h = N + np.arange(self.pieces)
         self.behind = np.full(free.shape, -1)
         self.ahead = np.full(free.shape, -1)
         self.behind[self.left + 1] = np.column_stack([*self.dofs[:, :, -1], h])
         self.ahead[self.left] = np.column_stack([*self.dofs[:, :, 0], h])
         inner = np.setdiff1d(np.arange(N), self.dofs[:, :, [0, -1]])
-        self.size = count + inner.size
-        sides = np.stack([self.behind, self.ahead])
-        signs = np.where(np.arange(3) == 2, np.array([1.0, -1.0])[:, None], 1.0)[:, None] * (sides >= 0)
-        self.w0 = np.bincount(sides[sides >= 0], (signs * np.where(free, 0.0, self.prescribed))[sides >= 0], N + h.size)
-        both = (sides >= 0) & free
-        row = sides[both]
-        column = np.broadcast_to(self.number, sides.shape)[both]
-        row = np.concatenate([row, inner])
-        column = np.concatenate([column, count + np.arange(inner.size)])
-        data = np.concatenate([np.broadcast_to(signs, sides.shape)[both], np.ones(inner.size)])
-        self.T = coo_matrix((data, (row, column)), (N + h.size, self.size)).tocsr()
+        inner_numbers = int(free.sum()) + np.arange(inner.size)
+        self.size = int(free.sum()) + inner.size
+        self.w0 = np.zeros(N + self.pieces)
+        rows = [inner]
+        columns = [inner_numbers]
+        entries = [np.ones(inner.size)]
+        for side, by_s in ((self.behind, 1.0), (self.ahead, -1.0)):  # by_s : dh/ds
+            signs = np.broadcast_to([1.0, 1.0, by_s], side.shape)
+            fixed = (side >= 0) & ~free
+            np.add.at(self.w0, side[fixed], (signs * self.prescribed)[fixed])
+            moving = (side >= 0) & free
+            rows.append(side[moving])
+            columns.append(self.number[moving])
+            entries.append(signs[moving])
+        positions = np.concatenate(rows), np.concatenate(columns)
+        self.T = coo_matrix((np.concatenate(entries), positions), (self.w0.size, self.size)).tocsr()
         case_of = np.empty(N, int)
         case_of[self.basis.element_dofs] = np.repeat(self.owner[self.left], self.elements)
         self.case_of = np.concatenate([np.repeat(self.owner, 3)[free.ravel()], case_of[inner]])
-        self._set_loads_springs_and_conditions()
-        plain = np.ones(self.size)
-        plain[self.rows] = 0.0
-        self.B = diags(plain) @ self.T.T
 
     def _set_loads_springs_and_conditions(self) -> None:
-        """Collect constant loads, springs and special rows."""
-        self.load, self.spring = np.zeros(self.size), np.zeros(self.size)
+        """Set constant loads, springs, special rows, and B without these."""
+        self.load = np.zeros(self.size)
+        self.spring = np.zeros(self.size)
         for k, p in enumerate(self.stations):
             case = self.cases[self.owner[k]]
             _, row, slides = self.number[k]
             if p.kind == "counterweight":
-                energy = case.thermal_stretch * (p.force + p.force**2 / (2.0 * case.EA)) + case.weight * p.y
+                stretching = p.force + p.force**2 / (2.0 * case.EA)
+                energy = case.thermal_stretch * stretching + case.weight * p.y
                 self.load[slides] = energy if self.ahead[k, 0] < 0 else -energy
             elif p.stiffness is not None:
-                self.spring[self.number[k, :2]] = p.stiffness
-                self.load[self.number[k, :2]] = -np.array(p.stiffness) * (p.x, p.y)
+                point = self.number[k, :2]
+                self.spring[point] = p.stiffness
+                self.load[point] = -np.array(p.stiffness) * (p.x, p.y)
             elif p.kind == "grips":
                 self.load[row] = -p.force
         special = [*self._car_conditions(), *self._tension_conditions()]
@@ -161,6 +174,9 @@ class _LineBatch:
         self.kinds = np.array([x.kind for x in special])
         self.targets = np.array([x.target for x in special])
         self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
+        plain = np.ones(self.size)
+        plain[self.rows] = 0.0
+        self.B = diags(plain) @ self.T.T
 
     def _car_conditions(self) -> Iterator[_Condition]:
         """Of cars that grip or are hauled."""
@@ -182,10 +198,11 @@ class _LineBatch:
     def _condition_values_and_derivatives(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Values (m,) of the conditions, and their derivatives (m, 4) by the forces at the stations."""
         # complex-step differentiation
-        f = np.where(self.ends >= 0, z[self.ends], 0.0).T
+        forces = np.where(self.ends >= 0, z[self.ends], 0.0).T
         tiny = 1e-30
-        shifted = f[:, None] + 1j * tiny * np.eye(4)[:, :, None]
-        return self._condition_values(f), self._condition_values(shifted).imag.T / tiny
+        shifted = forces[:, None] + 1j * tiny * np.eye(4)[:, :, None]
+        derivatives = self._condition_values(shifted).imag.T / tiny
+        return self._condition_values(forces), derivatives
 
     def _condition_values(self, forces: np.ndarray) -> np.ndarray:
         """Values of the conditions on forces (4, ..., m), x and y behind and ahead; also complex ones."""
@@ -193,28 +210,34 @@ class _LineBatch:
         W = self.targets
         last = self.ends[:, 2] < 0
         # across tau: (f_behind + f_ahead - W j) x (f_behind - f_ahead) = 0, over 2 |f|
-        turn = (2.0 * (ax * by - ay * bx) + W * (bx - ax)) / _vector_length(bx - ax, by - ay)
+        turn = 2.0 * (ax * by - ay * bx) + W * (bx - ax)
+        across = turn / _vector_length(bx - ax, by - ay)
         # |f| = T, of the rope ahead or at the right end behind
         tension = _vector_length(np.where(last, bx, ax), np.where(last, by, ay))
-        return np.select([self.kinds == "hauled", self.kinds == "tied"], [turn, tension - W], bx + ax)
+        is_hauled = self.kinds == "hauled"
+        is_tied = self.kinds == "tied"
+        return np.select([is_hauled, is_tied], [across, tension - W], bx + ax)
 
     def _set_first_guess(self, starts: Sequence[Start]) -> None:
-        start = np.concatenate([np.column_stack([x.points, x.s]) for x in starts])
+        """Set X to parabolas between guessed stations, with scales of lengths and forces."""
         self.reach = np.array([np.ptp(x.points[:, 0]) for x in starts])
         self.H = np.array([x.H.mean() for x in starts])
-        run = np.diff(start, axis=0)[self.left]
+        stations = np.concatenate([np.column_stack([x.points, x.s]) for x in starts])  # x, y and s
         H = np.concatenate([x.H for x in starts])
-        at = np.linspace(0.0, 1.0, self.elements + 1)
-        path = start[self.left, :2].T[:, :, None] + run[:, :2].T[:, :, None] * at
-        sag = self.q[:: self.elements, 0] * run[:, 2] * run[:, 0] / (8.0 * H)
-        path[1] += 4.0 * sag[:, None] * at * (1.0 - at)
-        self.N_ref = np.repeat(H * np.hypot(run[:, 0], run[:, 1]) / run[:, 0], self.elements)[:, None]
+        chord = np.diff(stations, axis=0)[self.left]
+        dx, dy, h = chord.T
+        self.N_ref = np.repeat(H * np.hypot(dx, dy) / dx, self.elements)[:, None]
+        sag = self.q[:: self.elements, 0] * h * dx / (8.0 * H)
+        xi = np.linspace(0.0, 1.0, self.elements + 1)
+        path = stations[self.left, :2].T[:, :, None] + chord[:, :2].T[:, :, None] * xi
+        path[1] += 4.0 * sag[:, None] * xi * (1.0 - xi)
         w = np.zeros(self.basis.N + self.pieces)
         w[self.dofs] = path
-        w[self.basis.N :] = run[:, 2]
-        self.X = self.T.T @ w / np.maximum(np.asarray(abs(self.T).sum(axis=0)).ravel(), 1.0)
+        w[self.basis.N :] = h
+        sharing = np.asarray(abs(self.T).sum(axis=0)).ravel()  # pieces at each unknown
+        self.X = self.T.T @ w / np.maximum(sharing, 1.0)
         free = self.number >= 0
-        self.X[self.number[free]] = start[free]
+        self.X[self.number[free]] = stations[free]
 
     def form_data(self, X: np.ndarray, softness: float) -> dict[str, np.ndarray]:
         """Data of the forms; softness 0 is EA, 1 is SOFTEST times the tension.
@@ -232,13 +255,14 @@ class _LineBatch:
         more = lam - 1.0 - self.N_ref / self.EA
         N = self.N_ref + EA * more
         W = 0.5 * self.N_ref**2 / self.EA + self.N_ref * more + 0.5 * EA * more**2
-        values = {"q": self.q, "a": self.a, "h": h, "EA": EA}
-        broadcast = {name: np.broadcast_to(x, lam.shape) for name, x in values.items()}
-        return {**broadcast, "lam": lam, "N": N, "W": W, "t": slope / length, "y": u[1]}
+        of_elements = {"q": self.q, "a": self.a, "h": h, "EA": EA}
+        data = {name: np.broadcast_to(x, lam.shape) for name, x in of_elements.items()}
+        return data | {"lam": lam, "N": N, "W": W, "t": slope / length, "y": u[1]}
 
     def energy_derivatives_by_nodes_and_lengths(self, fields: dict[str, np.ndarray]) -> np.ndarray:
         """z = (f, g) by the nodes and by h; fields : see `form_data`."""
-        g = energy_derivative_by_piece_length.elemental(self.basis, **fields).reshape(self.pieces, -1).sum(axis=1)
+        of_elements = energy_derivative_by_piece_length.elemental(self.basis, **fields)
+        g = of_elements.reshape(self.pieces, -1).sum(axis=1)
         return np.concatenate([weak_force.assemble(self.basis, **fields), g])
 
     def residual_and_condition_slopes(
@@ -253,17 +277,18 @@ class _LineBatch:
 
     def tangent(self, fields: dict[str, np.ndarray], condition_slopes: np.ndarray) -> Any:
         """Derivatives of the residual, sparse (size, size)."""
-        c = weak_force_derivative_by_piece_length.assemble(self.basis, **fields)
+        by_length = weak_force_derivative_by_piece_length.assemble(self.basis, **fields)
         piece = np.empty(self.basis.N, int)
         piece[self.basis.element_dofs] = np.repeat(np.arange(self.pieces), self.elements)
-        C = coo_matrix((c, (np.arange(c.size), piece)), (c.size, self.pieces))
-        by_length = energy_second_derivative_by_piece_length.elemental(self.basis, **fields)
-        D = by_length.reshape(self.pieces, -1).sum(axis=1)
-        K = bmat([[weak_force_derivative_by_r.assemble(self.basis, **fields), C], [C.T, diags(D)]], format="csr")
+        C = coo_matrix((by_length, (np.arange(piece.size), piece)), (piece.size, self.pieces))
+        of_elements = energy_second_derivative_by_piece_length.elemental(self.basis, **fields)
+        D = diags(of_elements.reshape(self.pieces, -1).sum(axis=1))
+        by_r = weak_force_derivative_by_r.assemble(self.basis, **fields)
+        K = bmat([[by_r, C], [C.T, D]], format="csr")
         real = self.ends >= 0
         rows = np.broadcast_to(self.rows[:, None], real.shape)[real]
-        B = self.B + coo_matrix((condition_slopes[real], (rows, self.ends[real])), self.B.shape).tocsr()
-        return B @ K @ self.T + diags(self.spring)
+        special = coo_matrix((condition_slopes[real], (rows, self.ends[real])), self.B.shape)
+        return (self.B + special.tocsr()) @ K @ self.T + diags(self.spring)
 
     def residual_norm_per_case(self, R: np.ndarray) -> np.ndarray:
         return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
@@ -279,10 +304,10 @@ class _LineBatch:
         last = 1e-9  # last step over the reach
         for i in range(stages, -1, -1):
             self._iterate_newton(i / stages, rough if i else last, stuck)
-        states = self._states()
-        return [
-            LineNotConverged("no state of rest was found") if no else x for no, x in zip(stuck, states, strict=True)
-        ]
+        solved: list[LineState | NoLineAtRest] = [*self._states()]
+        for i in np.flatnonzero(stuck).tolist():
+            solved[i] = LineNotConverged("no state of rest was found")
+        return solved
 
     def _iterate_newton(self, softness: float, tolerance: float, stuck: np.ndarray) -> None:
         """Set X by Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,)."""
@@ -300,34 +325,38 @@ class _LineBatch:
                 trial = self.X + part[self.case_of] * step
                 fields = self.form_data(trial, softness)
                 R, slope = self.residual_and_condition_slopes(trial, fields)
-                worse = ~(self.residual_norm_per_case(R) < before) & (before > near * self.H) & ~stuck
+                falls = self.residual_norm_per_case(R) < before
+                worse = ~falls & (before > near * self.H) & ~stuck
                 if not worse.any():
                     break
                 part[worse] *= 0.5
                 stuck |= part < smallest_factor
                 part[stuck] = 0.0
             self.X = trial
-            if np.max(np.abs(step) / self.reach[self.case_of], where=~stuck[self.case_of], initial=0.0) < tolerance:
+            relative_step = np.abs(step) / self.reach[self.case_of]
+            if np.max(relative_step, where=~stuck[self.case_of], initial=0.0) < tolerance:
                 return
         raise LineNotConverged("no state of rest was found")
 
     def _states(self) -> list[LineState]:
         """State of each case; the forces of the rope are the weak ones at the nodes."""
+        free = self.number >= 0
+        stations = self.prescribed.copy()  # x, y and s
+        stations[free] = self.X[self.number[free]]
         fields = self.form_data(self.X, 0.0)
-        points = self.prescribed.copy()
         z = np.append(self.energy_derivatives_by_nodes_and_lengths(fields), np.nan)  # last: no piece
-        points[self.number >= 0] = self.X[self.number[self.number >= 0]]
         behind = z[self.behind[:, :2]]
         ahead = -z[self.ahead[:, :2]]
         tau = behind + ahead
         tau /= np.linalg.norm(tau, axis=1)[:, None]
         weight = np.array([p.force if p.kind == "hauled" else np.nan for p in self.stations])
         haul = np.sum((behind - ahead) * tau, axis=1) - weight * tau[:, 1]
-        middle = (self.T @ self.X + self.w0)[self.dofs[:, :, self.elements // 2]].T
-        cuts = self.last[:-1] + 1
-        parts = [np.split(x, cuts) for x in (points[:, 2], points[:, :2], behind, ahead, haul)]
-        parts.append(np.split(middle, cuts - np.arange(1, len(self.cases))))
-        return [LineState(*one) for one in zip(self.cases, *parts, strict=True)]
+        w = self.T @ self.X + self.w0
+        middle = w[self.dofs[:, :, self.elements // 2]].T
+        begins = self.last[:-1] + 1
+        columns = [np.split(x, begins) for x in (stations[:, 2], stations[:, :2], behind, ahead, haul)]
+        columns.append(np.split(middle, begins - np.arange(1, len(self.cases))))
+        return [LineState(*of_case) for of_case in zip(self.cases, *columns, strict=True)]
 
 
 def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLineAtRest]:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem.elements.bodies import INPUTS, CarLoadsAndMasses, ForcesOnCars, forces_on_cars
 from cablefem.elements.off_rope import CarOffRope
-from cablefem.elements.reference import lagrange_element, shape_polynomial_coefficients
 from cablefem.elements.segments import Motion, dot
-from cablefem.elements.trolley import Trolley
+from cablefem.elements.trolley import Trolley, TrolleyForces
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import Array, State
 from cablefem.scene.contacts import Car, Contact
@@ -21,22 +19,26 @@ from cablefem.shoes import OffRopeState, contacts_with_shoe_forces, downward_nor
 if TYPE_CHECKING:
     from cablefem.elements.system import LineElements
 
+Powers = dict[str, Array]  # (n,) [W] by force
+
 
 class _History:
     """All states of a run at once: n times, K segments."""
 
     def __init__(self, system: LineElements, states: Sequence[State]) -> None:
-        self.system, self.segments = system, system.segments
+        self.system = system
+        self.segments = system.segments
         self.t = np.array([x.t for x in states])
         self.phase = [x.phase for x in states]
+        self.none = np.full(self.t.size, np.nan)
         coordinates = [system.coordinates_from_unknowns(*x) for x in states]
+        self.q, self.v, self.a = np.stack(coordinates, axis=1)  # (n, size)
         motions = [system.segment_motion(x) for x in coordinates]
-        self.q, self.v, self.a = (np.array([x[i] for x in coordinates]) for i in range(3))  # (n, size)
-        self.all = Motion(*(np.concatenate([m[i] for m in motions]) for i in range(6)))  # n K segments
-        self.points = self.segments.fields_of_motion(self.all)
-        nodal_rows, ends = self.segments.node_and_end_rows(self.points)
-        self.ends = self.split_by_time(ends)  # (2, n, K) rows of s
-        slopes = self.segments.slopes_at_ends(self.all)
+        self.motion = Motion(*map(np.concatenate, zip(*motions, strict=True)))  # of n K segments
+        self.points = self.segments.fields_of_motion(self.motion)
+        nodal_rows, end_rows = self.segments.node_and_end_rows(self.points)
+        slopes = self.segments.slopes_at_ends(self.motion)
+        self.end_rows = self.split_by_time(end_rows)  # (2, n, K) of s
         self.slopes = self.split_by_time(slopes)  # (2, n, K, 2)
         self._set_end_forces(nodal_rows, slopes)
 
@@ -46,11 +48,13 @@ class _History:
 
     def _set_end_forces(self, nodal_rows: Array, end_slopes: Array) -> None:
         """N t at the ends of the segments (2, n, K, 2), by their balance, and rows of the end nodes."""
-        ds, v = self.all.ds.T[..., None], self.all.v[:, [0, -1]].swapaxes(0, 1)
+        ds = self.motion.ds.T[..., None]
+        v = self.motion.v[:, [0, -1]].swapaxes(0, 1)
         flow = self.segments.rho * ds * (v - ds * end_slopes)
         rows = nodal_rows[:, [0, -1]].swapaxes(0, 1)
-        self.balance_rows = self.split_by_time(rows)
-        self.end_forces = self.split_by_time(np.stack([-(rows[0] + flow[0]), rows[1] - flow[1]]))
+        forces = np.stack([-(rows[0] + flow[0]), rows[1] - flow[1]])
+        self.end_node_rows = self.split_by_time(rows)
+        self.end_forces = self.split_by_time(forces)
 
     def contact_points(self, k: int, coordinates: Array) -> Array:
         """Points of contact k (n, 2), or their rates, from coordinates (n, size)."""
@@ -63,35 +67,53 @@ class _History:
         ahead = segment_ends[0, :, k] if k < segment_ends.shape[2] else none
         return behind, ahead
 
+    def row_of_contact(self, k: int, segment_ends: Array) -> Array:
+        """The row of contact k, of those of the segments beside it (2, n, K, ...)."""
+        return np.sum(np.nan_to_num(self.behind_and_ahead(k, segment_ends)), axis=0)
+
+    def tensions_beside(self, k: int) -> tuple[Array, Array]:
+        """Tension (n,) behind and ahead of contact k; nan beyond the rope."""
+        behind, ahead = self.behind_and_ahead(k, self.end_forces)
+        return np.linalg.norm(behind, axis=1), np.linalg.norm(ahead, axis=1)
+
     def integral_over_rope(self, density: Array) -> Array:
         """int density ds over the rope (n,), of (n K, G)."""
-        return ((density * self.points.h) @ self.segments.weights).reshape(self.t.size, -1).sum(axis=1)
+        of_segments = (density * self.points.h) @ self.segments.weights
+        return of_segments.reshape(self.t.size, -1).sum(axis=1)
+
+
+class _CarsInMotion(NamedTuple):
+    """Of all cars on the rope at all times, (n, cars, ...); without meaning for those on two wheels."""
+
+    data: CarLoadsAndMasses
+    slopes_and_motion: Array  # see `bodies.INPUTS`
+    forces: ForcesOnCars
 
 
 def observe_line(system: LineElements, states: Sequence[State], s: Array) -> LineMotion:
     """What the states show, with the rope at the stations s (m,)."""
     x = _History(system, states)
-    contacts = tuple(_contact_motion(x, k, c) for k, c in zip(system.supports, system.line.supports, strict=True))
-    cars, car_powers = _car_motions_and_powers(x)
-    powers = _counterweight_powers(x) | car_powers
+    line = system.line
+    contacts = tuple(_support_motion(x, k, c) for k, c in zip(system.supports, line.supports, strict=True))
+    cars, powers = _car_motions_and_powers(x)
+    powers = _counterweight_powers(x) | powers
     for off_rope in system.off_rope.values():
         state = _state_off_rope(x, off_rope, states)
-        motion, powers_off = off_rope_motion_and_powers(system.line, off_rope.car, states, state, contacts)
+        motion, powers_off = off_rope_motion_and_powers(line, off_rope.car, states, state, contacts)
         powers |= powers_off
-        cars += (motion,)
-    p = x.points
-    kinetic = x.integral_over_rope(0.5 * system.segments.rho * dot(p.w, p.w))
-    potential = -x.integral_over_rope(system.segments.q * p.y)
-    for car, motion in zip((*system.line.cars_on_rope, *system.line.cars_off_rope), cars, strict=True):
+        cars.append(motion)
+    kinetic = x.integral_over_rope(0.5 * system.segments.rho * dot(x.points.w, x.points.w))
+    potential = -x.integral_over_rope(system.segments.q * x.points.y)
+    for car, motion in zip((*line.cars, *line.over), cars, strict=True):
         kinetic = kinetic + _car_kinetic_energy(car, motion)
-        potential = potential - car.mass * system.line.gravity * motion.point[:, 1]
+        potential = potential - car.mass * line.gravity * motion.point[:, 1]
         if motion.turning is not None:
             hung = car.mass if car.hanger is None else car.hanger.mass
             below = motion.turning.centre - motion.point
-            potential = potential - hung * system.line.gravity * below[:, 1]
+            potential = potential - hung * line.gravity * below[:, 1]
     points, tension = _rope_points_and_tensions(x, s)
     return LineMotion(
-        t=x.t, cars=cars, contacts=contacts_with_shoe_forces(system.line, cars, contacts),
+        t=x.t, cars=tuple(cars), contacts=contacts_with_shoe_forces(line, tuple(cars), contacts),
         s=s, points=points, tension=tension,
         kinetic=kinetic, strain=_rope_and_spring_energy(x), potential=potential, powers=powers,
     )  # fmt: skip
@@ -108,21 +130,23 @@ def _rope_and_spring_energy(x: _History) -> Array:
     return energy
 
 
-def _counterweight_powers(x: _History) -> dict[str, Array]:
-    """Power (n,) [W] of each counterweight on the rope, by "NAME weight"."""
+def _counterweight_powers(x: _History) -> Powers:
+    """Power of each counterweight on the rope, by "NAME weight"."""
     powers = {}
     for k in (0, -1):
         support = x.system.line.supports[k]
         if support.force is not None:
             slot = x.system.s[k]
-            force = x.system.counterweight_row(k, x.v[:, slot], x.a[:, slot])
-            powers[f"{support.name} weight"] = -force * x.v[:, slot]
+            ds = x.v[:, slot]
+            force = x.system.counterweight_row(k, ds, x.a[:, slot])
+            powers[f"{support.name} weight"] = -force * ds
     return powers
 
 
 def _car_kinetic_energy(car: Car, motion: CarMotion) -> Array:
     """Kinetic energy (n,) [J] of a car."""
-    turning, body = motion.turning, car.hanger or car.wheels
+    turning = motion.turning
+    body = car.hanger or car.wheels
     if turning is None or body is None:
         return 0.5 * car.mass * dot(motion.velocity, motion.velocity)
     mass = car.mass if car.hanger is None else car.hanger.mass
@@ -135,109 +159,116 @@ def _car_kinetic_energy(car: Car, motion: CarMotion) -> Array:
     return 0.5 * (at_point + mass * dot(centre, centre) + body.inertia * turning.rate**2)
 
 
-def _contact_motion(x: _History, k: int, contact: Contact) -> ContactMotion:
-    slot = x.system.s[k]
-    behind, ahead = x.behind_and_ahead(k, x.end_forces)
-    pressure = -np.sum(np.nan_to_num(x.behind_and_ahead(k, x.balance_rows)), axis=0)
-    rise = np.full(x.t.size, np.nan)
-    if contact.force is not None:
-        taken_in = (x.q[:, slot] - x.q[0, slot]) * (1.0 if k else -1.0)
-        rise = (1.0 + contact.force / x.system.line.rope.EA) * taken_in
+def _support_motion(x: _History, k: int, support: Contact) -> ContactMotion:
+    s = x.q[:, x.system.s[k]]
+    behind, ahead = x.tensions_beside(k)
+    rise = x.none
+    if support.force is not None:
+        taken_in = (s - s[0]) * (1.0 if k else -1.0)
+        rise = (1.0 + support.force / x.system.line.rope.EA) * taken_in
     return ContactMotion(
-        name=contact.name, kind=contact.kind, s=x.q[:, slot], ds=x.v[:, slot], point=x.contact_points(k, x.q),
-        tension_behind=np.linalg.norm(behind, axis=1), tension_ahead=np.linalg.norm(ahead, axis=1), pressure=pressure,
-        rise=rise,
+        name=support.name, kind=support.kind, s=s, ds=x.v[:, x.system.s[k]], point=x.contact_points(k, x.q),
+        tension_behind=behind, tension_ahead=ahead, pressure=-x.row_of_contact(k, x.end_node_rows), rise=rise,
     )  # fmt: skip
 
 
-def _car_motions_and_powers(x: _History) -> tuple[tuple[CarMotion, ...], dict[str, Array]]:
-    """Motion of the cars on the rope, and powers (n,) [W] by "NAME force"."""
+def _car_motions_and_powers(x: _History) -> tuple[list[CarMotion], Powers]:
+    """Motion of the cars on the rope, and powers by "NAME force"."""
     system = x.system
     if not system.cars:
-        return (), {}
-    k = np.array(system.cars)
-    slots = system.s[k]
-    cars = _car_loads_and_masses_over_time(x, x.q[:, slots], x.v[:, slots])
-    inputs = _car_force_inputs(x)
-    on = forces_on_cars(cars, inputs)
-    rows = x.ends[1][:, k - 1] + x.ends[0][:, k]
+        return [], {}
+    data = _car_loads_and_masses_over_time(x)
+    slopes_and_motion = _slopes_and_motion_at_cars(x)
+    cars = _CarsInMotion(data, slopes_and_motion, forces_on_cars(data, slopes_and_motion))
     trolleys = {trolley.i: trolley for trolley in system.trolleys}
     motions = []
-    powers: dict[str, Array] = {}
-    for i, car in enumerate(system.line.cars_on_rope):
+    powers: Powers = {}
+    for i, car in enumerate(system.line.cars):
         if i in trolleys:
-            motion, of_car = _trolley_motion_and_powers(x, trolleys[i], cars, rows[:, i])
+            motion, of_car = _trolley_motion_and_powers(x, trolleys[i], data)
         else:
-            motion, of_car = _point_car_motion_and_powers(x, i, cars, inputs[:, i], on, rows[:, i])
+            motion = _point_car_motion(x, i, cars)
+            of_car = _point_car_powers(x, i, cars, motion)
         motions.append(motion)
         powers |= {f"{car.name} {force}": power for force, power in of_car.items()}
-    return tuple(motions), powers
+    return motions, powers
 
 
-def _car_force_inputs(x: _History) -> Array:
-    """Inputs (n, cars, INPUTS) of `bodies.forces_on_cars`; of two wheels those of the front one."""
-    system, k = x.system, np.array(x.system.cars)
-    inputs = np.zeros((x.t.size, k.size, INPUTS))
-    inputs[..., 0:2] = x.slopes[1][:, k - 1]
-    inputs[..., 2:4] = x.slopes[0][:, k]
-    for first, z in ((4, x.v), (6, x.a)):
-        inputs[..., first : first + 2] = np.stack([x.contact_points(contact, z) for contact in k], axis=1)
-    inputs[:, system.of_force, 8] = x.a[:, system.force]
-    inputs[:, system.of_swing, 9:12] = np.stack([z[:, system.swing] for z in (x.q, x.v, x.a)], axis=2)
-    return inputs
+def _slopes_and_motion_at_cars(x: _History) -> Array:
+    """See `LineBalance.slopes_and_motion_at_cars`, (n, cars, INPUTS); of two wheels those of the front one."""
+    system = x.system
+    out = np.zeros((x.t.size, len(system.cars), INPUTS))
+    for i, k in enumerate(system.cars):
+        behind, ahead = x.behind_and_ahead(k, x.slopes)
+        out[:, i, 0:2] = behind
+        out[:, i, 2:4] = ahead
+        out[:, i, 4:6] = x.contact_points(k, x.v)
+        out[:, i, 6:8] = x.contact_points(k, x.a)
+    out[:, system.of_force, 8] = x.a[:, system.force]
+    out[:, system.of_swing, 9] = x.q[:, system.swing]
+    out[:, system.of_swing, 10] = x.v[:, system.swing]
+    out[:, system.of_swing, 11] = x.a[:, system.swing]
+    return out
 
 
-def _point_car_motion_and_powers(
-    x: _History, i: int, cars: CarLoadsAndMasses, inputs: Array, on: ForcesOnCars, row: Array
-) -> tuple[CarMotion, dict[str, Array]]:
-    """Motion of car i, which stands on one contact, and its powers; inputs (n, INPUTS), and its row of s (n,)."""
-    k, car = x.system.cars[i], x.system.line.cars_on_rope[i]
+def _point_car_motion(x: _History, i: int, cars: _CarsInMotion) -> CarMotion:
+    """Motion of car i, which stands on one contact."""
+    k = x.system.cars[i]
+    car = x.system.line.cars[i]
     slot = x.system.s[k]
-    ds, velocity = x.v[:, slot], inputs[:, 4:6]
-    grips, hauled = car.drive_kind == "grip", car.drive.mode == "haul"
-    point, along = x.contact_points(k, x.q), np.sum(on.tau[:, i] * velocity, axis=1)
-    turning = None if car.hanger is None else _swing_motion(inputs[:, 9:12], point, cars.arm[i])
-    powers = {}
-    if not grips:
-        powers["friction"] = on.stretch[:, i] * on.friction[:, i] * ds
-        powers["drag"] = on.air_power[:, i]
-    if turning is not None:
-        powers["swing"] = -cars.resistance[i] * turning.rate**2
-    if grips:
-        powers["grip"] = row * ds
-    if hauled:
-        powers["haul"] = on.haul[:, i] * along
-    if car.drive_kind == "free":
-        powers["thrust"] = cars.thrust[:, i] * along
-        powers["hold"] = on.stretch[:, i] * cars.hold[:, i] * ds
-    tension = [np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.end_forces)]
-    from_rope = np.sum(x.behind_and_ahead(k, x.balance_rows), axis=0)
-    none = np.full(x.t.size, np.nan)
-    motion = CarMotion(
-        name=car.name, s=x.q[:, slot], ds=ds, point=point, velocity=velocity, acceleration=inputs[:, 6:8],
-        tension_behind=tension[0], tension_ahead=tension[1], slope_behind=inputs[:, 0:2], slope_ahead=inputs[:, 2:4],
-        haul_force=on.haul[:, i] if hauled else none, grip_force=row / on.stretch[:, i] if grips else none,
-        contact_force=on.normal[:, i], shoe_force=_force_on_shoe(car, point, from_rope + on.contact[:, i]),
-        turning=turning,
+    forces = cars.forces
+    behind, ahead = x.tensions_beside(k)
+    own = cars.slopes_and_motion[:, i]
+    point = x.contact_points(k, x.q)
+    missing_force = x.row_of_contact(k, x.end_node_rows) + forces.contact[:, i]
+    grip_force = x.row_of_contact(k, x.end_rows) / forces.stretch[:, i]
+    return CarMotion(
+        name=car.name, s=x.q[:, slot], ds=x.v[:, slot], point=point, velocity=own[:, 4:6], acceleration=own[:, 6:8],
+        tension_behind=behind, tension_ahead=ahead, slope_behind=own[:, 0:2], slope_ahead=own[:, 2:4],
+        haul_force=forces.haul[:, i] if car.drive.mode == "haul" else x.none,
+        grip_force=grip_force if car.drive_kind == "grip" else x.none,
+        contact_force=forces.normal[:, i], shoe_force=_force_on_shoe(car, point, missing_force),
+        turning=None if car.hanger is None else _swing_motion(own[:, 9:12], point, cars.data.arm[i]),
     )  # fmt: skip
-    return motion, powers
+
+
+def _point_car_powers(x: _History, i: int, cars: _CarsInMotion, motion: CarMotion) -> Powers:
+    """Powers of the forces on car i, which stands on one contact, by force."""
+    car = x.system.line.cars[i]
+    data = cars.data
+    forces = cars.forces
+    ds = motion.ds
+    along = np.sum(forces.tau[:, i] * motion.velocity, axis=1)
+    powers = {}
+    if car.drive_kind == "grip":
+        powers["grip"] = x.row_of_contact(x.system.cars[i], x.end_rows) * ds
+    else:
+        powers["friction"] = forces.stretch[:, i] * forces.friction[:, i] * ds
+        powers["drag"] = forces.air_power[:, i]
+    if motion.turning is not None:
+        powers["swing"] = -data.resistance[i] * motion.turning.rate**2
+    if car.drive.mode == "haul":
+        powers["haul"] = forces.haul[:, i] * along
+    if car.drive_kind == "free":
+        powers["thrust"] = data.thrust[:, i] * along
+        powers["hold"] = forces.stretch[:, i] * data.hold[:, i] * ds
+    return powers
 
 
 def _state_off_rope(x: _History, off_rope: CarOffRope, states: Sequence[State]) -> OffRopeState:
     """A car off the rope at all states."""
-    name = off_rope.car.name
-    hanger = off_rope.car.hanger
+    car = off_rope.car
     z = np.array([x.q, x.v, x.a])
-    points = np.array([x.system.car_point_and_rates(name, state) for state in states])
-    on = off_rope.forces(points, z)
-    powers: dict[str, Array] = {}
+    points = np.array([x.system.car_point_and_rates(car.name, state) for state in states])
+    forces = off_rope.forces(points, z)
+    powers: Powers = {}
     turning = None
     if not off_rope.grips:
-        powers["drag"] = on.air_power[:, 0]
-    if hanger is not None:
-        turning = _swing_motion(z[..., off_rope.swing].T, points[:, 0], hanger.length)
+        powers["drag"] = forces.air_power[:, 0]
+    if car.hanger is not None:
+        turning = _swing_motion(z[..., off_rope.swing].T, points[:, 0], car.hanger.length)
         powers["swing"] = -off_rope.resistance * turning.rate**2
-    return OffRopeState(points, on.contact[:, 0], powers, turning)
+    return OffRopeState(points, forces.contact[:, 0], powers, turning)
 
 
 def _swing_motion(swing: Array, point: Array, arm: float) -> Turning:
@@ -254,86 +285,105 @@ def _force_on_shoe(car: Car, point: Array, missing_force: Array) -> Array:
     return -dot(missing_force, downward_normals(car.rail, point[:, 0]))
 
 
-def _trolley_motion_and_powers(
-    x: _History, trolley: Trolley, cars: CarLoadsAndMasses, row: Array
-) -> tuple[CarMotion, dict[str, Array]]:
-    """Motion of a car on two wheels, and its powers; row : of s of the front wheel (n,)."""
-    car, pair = trolley.car, np.array([trolley.k - 1, trolley.k])
-    P = x.balance_rows[1][:, pair - 1] + x.balance_rows[0][:, pair]
-    n = x.t.size
-    on = trolley.forces(cars, trolley.force_inputs((x.q, x.v, x.a), P.reshape(n, 4)))
-    rear, front = _wheel_motions(x, trolley, on.loads)
-    angle, rate, angular_acceleration = (z[:, trolley.body[2]] for z in (x.q, x.v, x.a))
+def _trolley_motion_and_powers(x: _History, trolley: Trolley, data: CarLoadsAndMasses) -> tuple[CarMotion, Powers]:
+    """Motion of a car on two wheels, and its powers by force."""
+    car = trolley.car
+    k = trolley.k
+    rope_rows = [x.row_of_contact(wheel, x.end_node_rows) for wheel in (k - 1, k)]
+    inputs = trolley.force_inputs((x.q, x.v, x.a), np.concatenate(rope_rows, axis=1))
+    forces = trolley.forces(data, inputs)
+    rear, front = _wheel_motions(x, trolley, forces.loads)
+    pitch = trolley.body[2]
+    centre = front.point + np.stack(forces.centre, axis=1)
     turning = Turning(
-        angle=angle, rate=rate, acceleration=angular_acceleration, centre=front.point + np.stack(on.centre, axis=1),
-        wheels=(rear, front),
-    )  # fmt: skip
-    grips, hauled = car.drive_kind == "grip", car.drive.mode == "haul"
-    if grips:
-        powers = {"grip": row * front.ds}
-    else:
-        powers = {"friction": on.friction[0] * rear.ds + on.friction[1] * front.ds, "drag": on.drag}
-    if hauled:
-        powers["haul"] = on.haul
-    if car.drive_kind == "free":
-        powers["thrust"] = on.thrust
-        powers["hold"] = on.hold * front.ds
-    velocity, acceleration = (x.contact_points(trolley.k, z) for z in (x.v, x.a))
-    none = np.full(n, np.nan)
+        angle=x.q[:, pitch], rate=x.v[:, pitch], acceleration=x.a[:, pitch], centre=centre, wheels=(rear, front)
+    )
+    row_of_s = x.row_of_contact(k, x.end_rows)
     motion = CarMotion(
-        name=car.name, s=front.s, ds=front.ds, point=front.point, velocity=velocity, acceleration=acceleration,
-        tension_behind=rear.tension_behind, tension_ahead=front.tension_ahead, slope_behind=rear.slope_behind,
-        slope_ahead=front.slope_ahead, haul_force=car.mass * x.a[:, trolley.force] if hauled else none,
-        grip_force=row / on.stretch if grips else none, contact_force=on.loads[0] + on.loads[1],
-        shoe_force=np.zeros(n), turning=turning,
+        name=car.name, s=front.s, ds=front.ds, point=front.point, velocity=x.contact_points(k, x.v),
+        acceleration=x.contact_points(k, x.a), tension_behind=rear.tension_behind, tension_ahead=front.tension_ahead,
+        slope_behind=rear.slope_behind, slope_ahead=front.slope_ahead,
+        haul_force=car.mass * x.a[:, trolley.force] if car.drive.mode == "haul" else x.none,
+        grip_force=row_of_s / forces.stretch if car.drive_kind == "grip" else x.none,
+        contact_force=forces.loads[0] + forces.loads[1], shoe_force=np.zeros(x.t.size), turning=turning,
     )  # fmt: skip
-    return motion, powers
+    return motion, _trolley_powers(car, forces, rear, front, row_of_s)
+
+
+def _trolley_powers(
+    car: Car, forces: TrolleyForces, rear: WheelMotion, front: WheelMotion, row_of_s: Array
+) -> Powers:  # fmt: skip
+    """Powers of the forces on a car on two wheels, by force; row_of_s : of the front wheel (n,)."""
+    powers = {}
+    if car.drive_kind == "grip":
+        powers["grip"] = row_of_s * front.ds
+    else:
+        powers["friction"] = forces.friction[0] * rear.ds + forces.friction[1] * front.ds
+        powers["drag"] = forces.drag
+    if car.drive.mode == "haul":
+        powers["haul"] = forces.haul
+    if car.drive_kind == "free":
+        powers["thrust"] = forces.thrust
+        powers["hold"] = forces.hold * front.ds
+    return powers
 
 
 def _wheel_motions(x: _History, trolley: Trolley, loads: Sequence[Array]) -> list[WheelMotion]:
     """Of the rear wheel and of the front one."""
-    sides = trolley.rope_slopes_at_wheels(x.q).reshape(x.t.size, 2, 2, 2)  # of each wheel, behind and ahead
+    slopes = trolley.rope_slopes_at_wheels(x.q).swapaxes(0, 1)  # (4, n, 2)
     wheels = []
     for j, k in enumerate((trolley.k - 1, trolley.k)):
         slot = x.system.s[k]
-        behind, ahead = (np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.end_forces))
-        wheels.append(WheelMotion(
+        behind, ahead = x.tensions_beside(k)
+        wheel = WheelMotion(
             name=x.system.line.contacts_and_wheels[k].name, s=x.q[:, slot], ds=x.v[:, slot],
             point=x.contact_points(k, x.q), load=loads[j], tension_behind=behind, tension_ahead=ahead,
-            slope_behind=sides[:, j, 0], slope_ahead=sides[:, j, 1],
-        ))  # fmt: skip
+            slope_behind=slopes[2 * j], slope_ahead=slopes[2 * j + 1],
+        )  # fmt: skip
+        wheels.append(wheel)
     return wheels
 
 
-def _car_loads_and_masses_over_time(x: _History, s: Array, ds: Array) -> CarLoadsAndMasses:
+def _car_loads_and_masses_over_time(x: _History) -> CarLoadsAndMasses:
     """Data of the cars at all times, (n, cars)."""
     system = x.system
+    slots = system.s[system.cars]
+    ds = x.v[:, slots]
+    drives = [car.drive for car in system.line.cars]
     each = [system.car_loads_and_masses(t, phase) for t, phase in zip(x.t.tolist(), x.phase, strict=True)]
-    changing: dict[str, Any] = {name: np.array([getattr(y, name) for y in each]) for name in ("thrust", "hold")}
-    drives = [car.drive for car in system.line.cars_on_rope]
     before_jump = np.append(np.diff(x.t) <= 0.0, False)
-    s = s - 1e-9 * before_jump[:, None]  # of two states at a brake the first is short of it
-    brakes = [drive.brake_force(s[:, i]) + 0.0 * ds[:, i] for i, drive in enumerate(drives)]
-    rear = [drive.rear_brake_force(s[:, i]) + 0.0 * ds[:, i] for i, drive in enumerate(drives)]
-    sign = np.where(ds == 0.0, each[0].sign, np.sign(ds))
-    return each[0]._replace(**changing, brake=np.stack(brakes, axis=1), rear_brake=np.stack(rear, axis=1), sign=sign)
+    s = x.q[:, slots] - 1e-9 * before_jump[:, None]  # of two states at a brake the first is short of it
+
+    def brakes(force_at: Sequence[Callable[[Array], Any]]) -> Array:
+        forces = np.zeros_like(s)
+        for i, force in enumerate(force_at):
+            forces[:, i] = force(s[:, i])
+        return forces
+
+    return each[0]._replace(
+        thrust=np.array([cars.thrust for cars in each]),
+        hold=np.array([cars.hold for cars in each]),
+        brake=brakes([drive.brake_force for drive in drives]),
+        rear_brake=brakes([drive.rear_brake_force for drive in drives]),
+        sign=np.where(ds == 0.0, each[0].sign, np.sign(ds)),
+    )
 
 
 def _rope_points_and_tensions(x: _History, s: Array) -> tuple[Array, Array]:
     """Points (n, m, 2) and tensions (n, m) at s (m,)."""
-    segments, elements = x.segments, x.segments.elements
-    at = x.q[:, x.system.s]  # (n, K + 1)
-    segment = np.array([np.searchsorted(row[1:-1], s, side="left") for row in at])  # (n, m)
-    begin, end = (np.take_along_axis(at[:, i:], segment, axis=1) for i in (0, 1))
-    xi = (s - begin) / (end - begin)
-    inside = (xi >= 0.0) & (xi <= 1.0)
-    element = np.clip((xi * elements).astype(int), 0, elements - 1)
-    local = xi * elements - element
-    shapes = shape_polynomial_coefficients(lagrange_element(segments.degree)).T
-    r = x.all.r.reshape(*at[:, 1:].shape, segments.nn, 2)
-    nodal = r[np.arange(at.shape[0])[:, None, None], segment[..., None], segments.dofs[element]]  # (n, m, n_loc, 2)
-    points = np.einsum("lnm,nmla->nma", polyval(local, shapes), nodal)
-    slope = np.einsum("lnm,nmla->nma", polyval(local, polyder(shapes)), nodal) * (elements / (end - begin))[..., None]
+    ends = x.q[:, x.system.s]  # (n, K + 1)
+    segment = np.array([np.searchsorted(row[1:-1], s, side="left") for row in ends])  # (n, m)
+    begin = np.take_along_axis(ends, segment, axis=1)
+    h = np.take_along_axis(ends[:, 1:], segment, axis=1) - begin
+    xi = (s - begin) / h
+    shapes = x.segments.element_shapes(xi)
+    r = x.motion.r.reshape(x.t.size, -1, x.segments.nn, 2)  # (n, K, nn, 2)
+    instant = np.arange(x.t.size)[:, None, None]
+    nodal = r[instant, segment[..., None], shapes.nodes]  # (n, m, n_loc, 2)
+    points = np.einsum("lnm,nmla->nma", shapes.values, nodal)
+    slope = np.einsum("lnm,nmla->nma", shapes.slopes, nodal) * (x.segments.elements / h)[..., None]
     tension = x.system.line.rope.EA * (np.linalg.norm(slope, axis=2) - 1.0)
-    points[~inside], tension[~inside] = np.nan, np.nan
+    beyond = ~((xi >= 0.0) & (xi <= 1.0))
+    points[beyond] = np.nan
+    tension[beyond] = np.nan
     return points, tension

@@ -17,8 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 import skfem
+from numpy.polynomial.polynomial import polyder, polyval
+from numpy.typing import NDArray
 
-from cablefem.elements.reference import element_unknowns, lagrange_element
+from cablefem.elements.reference import element_unknowns, lagrange_element, shape_polynomial_coefficients
 from cablefem.newmark import Array, TangentFactors
 from cablefem.scene.contacts import Elastic
 
@@ -67,6 +69,14 @@ class PointFields(NamedTuple):
     W: Array
 
 
+class ElementShapes(NamedTuple):
+    """Shape functions of the elements that hold some positions (...)."""
+
+    nodes: NDArray[np.int64]  # (..., n_loc) of the segment
+    values: Array  # (n_loc, ...)
+    slopes: Array  # (n_loc, ...) by the position over the length of the element
+
+
 def dot(a: Array, b: Array) -> Array:
     return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
 
@@ -75,19 +85,23 @@ class Segments:
     """Segments of `elements` each, with G Gauss points and nn nodes; any number K of them at once."""
 
     def __init__(self, rope: Elastic, gravity: float, elements: int, degree: int) -> None:
-        self.rope, self.elements, self.degree = rope, elements, degree
-        self.rho, self.q = rope.mass_per_length, rope.mass_per_length * gravity
+        self.rope = rope
+        self.elements = elements
+        self.degree = degree
+        self.rho = rope.mass_per_length
+        self.q = rope.mass_per_length * gravity
         self.nn = elements * degree + 1
         self.dofs = element_unknowns(degree, elements)
         mesh = skfem.MeshLine(np.linspace(0.0, 1.0, elements + 1))
         basis = skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree + 2)
-        self.values, self.slopes = self._shape_values_and_slopes(basis)
+        self.values, self.slopes = self._shape_values_and_slopes(basis)  # of the shape functions, (G, nn)
         self.xi = np.asarray(basis.global_coordinates())[0].ravel()  # (G,)
         self.psi = np.stack([1.0 - self.xi, self.xi], axis=1)  # (G, 2)
         self.weights = basis.dx.ravel()  # (G,)
         both_ends = np.array([[0.0, 1.0]]), np.ones(2)
         at_ends = skfem.Basis(mesh, lagrange_element(degree), quadrature=both_ends)
-        self.end_slopes = self._shape_values_and_slopes(at_ends)[1][[0, -1]]  # of the shape functions, (2, nn)
+        _, slopes = self._shape_values_and_slopes(at_ends)
+        self.end_slopes = slopes[[0, -1]]  # of the shape functions, (2, nn)
 
     def _shape_values_and_slopes(self, basis: skfem.Basis) -> tuple[Array, Array]:
         """Values and slopes of the nodes' shape functions at the points, (G, nn) each."""
@@ -107,36 +121,50 @@ class Segments:
         none = np.zeros((count, self.xi.size))
         return Law(none + self.rope.EA, none, none)
 
-    def values_at_points(self, motion: Motion) -> Array:
+    def motion_at_points(self, motion: Motion) -> Array:
         """r, v, a, r_xi, v_xi, and s, ds, dds at both ends: (K, G, 16)."""
         values = self.values @ np.concatenate([motion.r, motion.v, motion.a], axis=2)
         slopes = self.slopes @ np.concatenate([motion.r, motion.v], axis=2)
         ends = np.concatenate([motion.s, motion.ds, motion.dds], axis=1)[:, None]
         return np.concatenate([values, slopes, np.broadcast_to(ends, (*values.shape[:2], 6))], axis=2)
 
-    def fields_at_points(self, values: Array, law: Law) -> PointFields:
-        """Fields from `values_at_points` (..., K, G, 16), which may be complex."""
-        r, v, a, r_xi, v_xi, s, ds, dds = (values[..., i : i + 2] for i in range(0, 16, 2))
-        h, dh = s[..., 1] - s[..., 0], ds[..., 1] - ds[..., 0]
-        c, dc = dot(ds, self.psi), dot(dds, self.psi)  # dc: rate of c at fixed xi
-        w = v - (c / h)[..., None] * r_xi
-        dw = a - (c / h)[..., None] * v_xi + ((c * dh / h - dc) / h)[..., None] * r_xi
-        lam = np.sqrt(dot(r_xi, r_xi)) / h
-        more = lam - 1.0
-        W = law.W_r + (law.N_r + 0.5 * law.EA * more) * more
-        return PointFields(h, dh, c, r[..., 1], r_xi, v_xi, w, dw, lam, law.N_r + law.EA * more, W)
+    def fields_at_points(self, motion: Array, law: Law) -> PointFields:
+        """Fields from `motion_at_points` (..., K, G, 16), which may be complex."""
+        r, v, a, r_xi, v_xi, s, ds, dds = (motion[..., i : i + 2] for i in range(0, 16, 2))
+        h = s[..., 1] - s[..., 0]
+        dh = ds[..., 1] - ds[..., 0]
+        c = dot(ds, self.psi)
+        dc = dot(dds, self.psi)  # rate of c at fixed xi
+        flow = (c / h)[..., None]
+        speed_up = (c * dh / h - dc) / h
+        stretch = np.sqrt(dot(r_xi, r_xi)) / h
+        more = stretch - 1.0
+        return PointFields(
+            h=h,
+            dh=dh,
+            c=c,
+            y=r[..., 1],
+            r_xi=r_xi,
+            v_xi=v_xi,
+            w=v - flow * r_xi,
+            dw=a - flow * v_xi + speed_up[..., None] * r_xi,
+            lam=stretch,
+            N=law.N_r + law.EA * more,
+            W=law.W_r + (law.N_r + 0.5 * law.EA * more) * more,
+        )
 
     def fields_of_motion(self, motion: Motion) -> PointFields:
         """Fields at the Gauss points under the rope's own law."""
-        return self.fields_at_points(self.values_at_points(motion), self.rope_law(1))
+        return self.fields_at_points(self.motion_at_points(motion), self.rope_law(1))
 
     # --- rows ------------------------------------------------------------------------------------------------
-    def nodal_factors_and_end_rows(self, p: PointFields) -> Array:
+    def row_densities(self, p: PointFields) -> Array:
         """At Gauss points: factors of phi (2), of phi_xi (2), and the rows of s at both ends (2); (..., K, G, 6)."""
         rho = self.rho
         inertia = rho * (p.h[..., None] * p.dw + p.dh[..., None] * p.w)
         by_value = inertia - (self.q * p.h)[..., None] * DOWN
-        by_slope = (rho * p.c)[..., None] * p.w + (p.N / (p.lam * p.h))[..., None] * p.r_xi
+        momentum_flux = (rho * p.c)[..., None] * p.w
+        by_slope = momentum_flux + (p.N / (p.lam * p.h))[..., None] * p.r_xi
         momentum = dot(p.dw, p.r_xi) + dot(p.w, p.v_xi)
         kinetic = 0.5 * dot(p.w, p.w) + p.c / p.h * dot(p.w, p.r_xi)
         material = p.W - p.N * p.lam - self.q * p.y - rho * kinetic
@@ -145,26 +173,36 @@ class Segments:
 
     def node_and_end_rows(self, p: PointFields) -> tuple[Array, Array]:
         """Rows of the nodes (K, nn, 2) and of s at both ends (2, K)."""
-        density = self.nodal_factors_and_end_rows(p) * self.weights[:, None]
-        return self.values.T @ density[..., :2] + self.slopes.T @ density[..., 2:4], density[..., 4:].sum(axis=1).T
+        density = self.row_densities(p) * self.weights[:, None]
+        of_nodes = self.values.T @ density[..., :2] + self.slopes.T @ density[..., 2:4]
+        return of_nodes, density[..., 4:].sum(axis=1).T
 
     def tangent(self, motion: Motion, law: Law, c: TangentFactors) -> Array:
-        """D^T W J D: c0 d/dr + c1 d/dv + c2 d/da of the rows, (K, m, m) for m = 2 nn + 2 nodes' x, y and s.
+        """D^T W J D: c0 d/dr + c1 d/dv + c2 d/da of the rows, (K, m, m) for m = 2 nn + 2 nodes' x, y and s."""
+        c0, c1, c2 = c
+        y = self.motion_at_points(motion)
+        shifted = y + 1j * STEP * np.eye(16)[:, None, None, :]  # (16, K, G, 16)
+        density = self.row_densities(self.fields_at_points(shifted, law))
+        J = density.imag / STEP * self.weights[:, None]
+        by_r, by_v, by_a, by_r_xi, by_v_xi, by_s, by_ds, by_dds = J.reshape(8, 2, *y.shape[:2], 6)
+        by_value = c0 * by_r + c1 * by_v + c2 * by_a  # (2, K, G, 6)
+        by_slope = c0 * by_r_xi + c1 * by_v_xi
+        by_ends = np.moveaxis(c0 * by_s + c1 * by_ds + c2 * by_dds, 0, -1)  # (K, G, 6, 2)
+        by_nodes = np.einsum("bkgo,gj->kgojb", by_value, self.values)
+        by_nodes = by_nodes + np.einsum("bkgo,gj->kgojb", by_slope, self.slopes)
+        columns = np.concatenate([by_nodes.reshape(*by_ends.shape[:3], -1), by_ends], axis=3)  # (K, G, 6, m)
+        of_nodes = np.einsum("gi,kgam->kiam", self.values, columns[:, :, :2])
+        of_nodes = of_nodes + np.einsum("gi,kgam->kiam", self.slopes, columns[:, :, 2:4])
+        of_ends = columns[:, :, 4:].sum(axis=1)
+        return np.concatenate([of_nodes.reshape(len(of_nodes), 2 * self.nn, -1), of_ends], axis=1)
 
-        J (16, K, G, 6) holds the derivatives of `density`.
-        """
-        u = self.values_at_points(motion) + 1j * STEP * np.eye(16)[:, None, None, :]
-        J = (
-            self.nodal_factors_and_end_rows(self.fields_at_points(u, law)).imag / STEP * self.weights[:, None]
-        ).reshape(8, 2, *u.shape[1:3], 6)
-        (c0, c1, c2), D, P = c, self.slopes, self.values
-        by_value, by_slope = c0 * J[0] + c1 * J[1] + c2 * J[2], c0 * J[3] + c1 * J[4]
-        by_ends = np.moveaxis(c0 * J[5] + c1 * J[6] + c2 * J[7], 0, -1)  # (K, G, 6, 2)
-        by_nodes = np.einsum("bkgo,gj->kgojb", by_value, P) + np.einsum("bkgo,gj->kgojb", by_slope, D)
-        all_columns = np.concatenate([by_nodes.reshape(*by_ends.shape[:3], -1), by_ends], axis=3)  # (K, G, 6, m)
-        rows = np.einsum("gi,kgam->kiam", P, all_columns[:, :, :2])
-        rows = rows + np.einsum("gi,kgam->kiam", D, all_columns[:, :, 2:4])
-        return np.concatenate([rows.reshape(len(rows), 2 * self.nn, -1), all_columns[:, :, 4:].sum(axis=1)], axis=1)
+    def element_shapes(self, xi: Array) -> ElementShapes:
+        """The shape functions at positions xi (...) in a segment; beyond it those of its first or last element."""
+        element = np.clip((xi * self.elements).astype(int), 0, self.elements - 1)
+        local = xi * self.elements - element
+        coefficients = shape_polynomial_coefficients(lagrange_element(self.degree)).T
+        slopes = polyval(local, polyder(coefficients))
+        return ElementShapes(self.dofs[element], polyval(local, coefficients), slopes)
 
     def slopes_at_ends(self, motion: Motion) -> Array:
         """r' at the left and at the right end, (2, K, 2)."""

@@ -58,7 +58,8 @@ class WheelForces(NamedTuple):
 def _wheel_forces(slopes: Any, rope_row: Any, mu_r: float, brake: Array, sign: Array) -> WheelForces:
     """At a wheel with r' behind and ahead (4, ...) and the row P of the rope (2, ...); sign of the motion."""
     bx, by, ax, ay = slopes
-    tx, ty = bx + ax, by + ay
+    tx = bx + ax
+    ty = by + ay
     load = (tx * rope_row[1] - ty * rope_row[0]) / np.sqrt(tx * tx + ty * ty)
     stretch = 0.5 * (np.sqrt(bx * bx + by * by) + np.sqrt(ax * ax + ay * ay))
     friction = -stretch * (mu_r * load * np.sign(load.real) + brake) * sign
@@ -70,7 +71,10 @@ class Trolley:
 
     def __init__(self, car: Car, i: int, k: int) -> None:
         assert car.wheels is not None
-        self.car, self.i, self.k, self.wheels = car, i, k, car.wheels
+        self.car = car
+        self.i = i
+        self.k = k
+        self.wheels = car.wheels
         self.ahead = car.wheels.ahead - 0.5 * car.wheels.base  # [m] of the centre of mass ahead of the front wheel
 
     def set_slots(self, body: Slot, force: int, nodes: Slot, s: Slot, end_slopes: Array) -> None:
@@ -78,38 +82,45 @@ class Trolley:
 
         end_slopes : of shape functions at the left and the right end of a segment, (2, nn).
         """
-        self.body, self.force = body, force
-        behind, between, ahead = self.k - 2, self.k - 1, self.k
-        self.points = 2 * nodes[[between, ahead], 0][:, None] + np.arange(2)  # (wheel, 2)
-        self.rows = np.array([*body, *s[[between, ahead]]])
-        near = [np.flatnonzero(x) for x in end_slopes]
-        sides = [(behind, 1), (between, 0), (between, 1), (ahead, 0)]  # segment and end
-        self.near = np.array([2 * nodes[segment, near[end], None] + np.arange(2) for segment, end in sides])
-        self.shapes = np.array([end_slopes[end, near[end]] for _, end in sides])  # (4, near)
-        self.ends = np.array([s[[segment, segment + 1]] for segment, _ in sides])  # (4, 2)
+        self.body = body
+        self.force = force
+        rear = self.k - 1
+        front = self.k
+        self.points = 2 * nodes[[rear, front], 0][:, None] + np.arange(2)  # (wheel, 2)
+        self.rows = np.array([*body, *s[[rear, front]]])
+        # sides of the wheels: segments behind, between, between, ahead, and which ends of these
+        segment = np.array([rear - 1, rear, rear, front])[:, None]
+        end = np.array([1, 0, 1, 0])
+        near = np.array([np.flatnonzero(x) for x in end_slopes])[end]  # nodes with slopes there (4, near)
+        self.near = 2 * nodes[segment, near][:, :, None] + np.arange(2)  # (4, near, 2)
+        self.shapes = end_slopes[end[:, None], near]  # (4, near)
+        self.ends = s[segment + np.arange(2)]  # (4, 2)
 
     def set_wheel_points(self, z: Array) -> None:
         """Set the points of the wheels in q, v, a of all coordinates (3, ..., size)."""
         base = self.wheels.base
         th, rate, turning = z[..., self.body[2]]
-        cos, sin = base * np.cos(th), base * np.sin(th)
-        X = z[..., self.body[:2]]
-        z[..., self.points[1]] = X
+        cos = base * np.cos(th)
+        sin = base * np.sin(th)
         x = [cos, -rate * sin, -turning * sin - rate**2 * cos]
         y = [sin, rate * cos, turning * cos - rate**2 * sin]
-        z[..., self.points[0]] = X - np.stack([x, y], axis=-1)
+        rear, front = self.points
+        z[..., front] = z[..., self.body[:2]]
+        z[..., rear] = z[..., front] - np.stack([x, y], axis=-1)
 
     def rope_slopes_at_wheels(self, q: Array) -> Array:
         """r' at the sides of both wheels (..., 4, 2), from all coordinates (..., size)."""
         h = q[..., self.ends[:, 1]] - q[..., self.ends[:, 0]]
-        return (self.shapes[:, None] @ q[..., self.near])[..., 0, :] / h[..., None]
+        by_xi = (self.shapes[:, None] @ q[..., self.near])[..., 0, :]
+        return by_xi / h[..., None]
 
     def force_inputs(self, coordinates: Sequence[Array], rope_rows: Array) -> Any:
         """Inputs (INPUTS, ...) of `forces`, from q, v, a (..., size) and P of both wheels (..., 4)."""
         q, v, a = coordinates
         slopes = self.rope_slopes_at_wheels(q).reshape(*rope_rows.shape[:-1], 8)
         force = a[..., self.force] if self.force >= 0 else 0.0 * rope_rows[..., 0]
-        parts = [slopes, rope_rows, q[..., self.body[2:]], v[..., self.body], a[..., self.body], force[..., None]]
+        pitch = q[..., self.body[2:]]
+        parts = [slopes, rope_rows, pitch, v[..., self.body], a[..., self.body], force[..., None]]
         return np.concatenate(parts, axis=-1).T
 
     def forces(self, cars: CarLoadsAndMasses, inputs: Any) -> TrolleyForces:
@@ -117,35 +128,55 @@ class Trolley:
 
         inputs : (INPUTS, ...), which may be complex;  cars : of all of them (..., cars).
         """
-        drive, i, w, m = self.car.drive, self.i, self.wheels, self.car.mass
+        drive = self.car.drive
+        wheels = self.wheels
+        mass = self.car.mass
+        thrust = cars.thrust.T[self.i]
+        sign = cars.sign.T[self.i]
+        rear_brake = cars.rear_brake.T[self.i]
+        front_brake = cars.brake.T[self.i] - rear_brake
         y = inputs.tolist() if inputs.ndim == 1 else inputs  # plain numbers are faster
+        rear_row = y[8:10]
+        front_row = y[10:12]
         th, X_v, Y_v, rate, X_a, Y_a, turning, force = y[12:]
-        F, T, sign = m * force, cars.thrust.T[i], cars.sign.T[i]
-        cos, sin = np.cos(th), np.sin(th)
-        cx, cy = self.ahead * cos - w.below * sin, self.ahead * sin + w.below * cos  # c - X; n_c = (- cy, cx)
-        vx, vy = X_v - rate * cy, Y_v + rate * cx
+        cos = np.cos(th)
+        sin = np.sin(th)
+        cx = self.ahead * cos - wheels.below * sin  # c - X; n_c = (- cy, cx)
+        cy = self.ahead * sin + wheels.below * cos
+        vx = X_v - rate * cy
+        vy = Y_v + rate * cx
+        ax = X_a - turning * cy - rate * rate * cx
+        ay = Y_a + turning * cx - rate * rate * cy
         air = vx - drive.wind
         drag = -drive.k * np.sqrt(air * air + vy * vy + 1e-24)
+        haul = mass * force
+        haul_turns = -drive.hitch[1] * haul
+        up = math.sin(drive.thrust_angle)
+        level = math.cos(drive.thrust_angle)
+        thrust_x = thrust * (level * cos + up * sin)
+        thrust_y = thrust * (level * sin - up * cos)
         along, down = drive.thrust_at
-        up, level = math.sin(drive.thrust_angle), math.cos(drive.thrust_angle)
-        thrust_x, thrust_y = T * (level * cos + up * sin), T * (level * sin - up * cos)
-        thrust_turns = -(along * up + down * level) * T
-        haul_turns = -drive.hitch[1] * F
-        C_x = m * (X_a - turning * cy - rate * rate * cx) - thrust_x - F * cos - drag * air
-        C_y = m * (Y_a + turning * cx - rate * rate * cy - cars.gravity) - thrust_y - F * sin - drag * vy
-        of_th = w.base * (sin * y[8] - cos * y[9]) - cy * C_x + cx * C_y
-        of_th = of_th + w.inertia * turning - thrust_turns - haul_turns
-        rear_brake = cars.rear_brake.T[i]
-        rear = _wheel_forces(y[0:4], y[8:10], drive.mu_r, rear_brake, sign)
-        front = _wheel_forces(y[4:8], y[10:12], drive.mu_r, cars.brake.T[i] - rear_brake, sign)
-        hold = front.stretch * cars.hold.T[i]
+        thrust_turns = -(along * up + down * level) * thrust
+        C_x = mass * ax - thrust_x - haul * cos - drag * air
+        C_y = mass * (ay - cars.gravity) - thrust_y - haul * sin - drag * vy
+        of_X = rear_row[0] + front_row[0] + C_x
+        of_Y = rear_row[1] + front_row[1] + C_y
+        of_th = wheels.base * (sin * rear_row[0] - cos * rear_row[1]) - cy * C_x + cx * C_y
+        of_th = of_th + wheels.inertia * turning - thrust_turns - haul_turns
+        rear = _wheel_forces(y[0:4], rear_row, drive.mu_r, rear_brake, sign)
+        front = _wheel_forces(y[4:8], front_row, drive.mu_r, front_brake, sign)
+        hold = front.stretch * cars.hold.T[self.i]
         return TrolleyForces(
-            rows=(y[8] + y[10] + C_x, y[9] + y[11] + C_y, of_th, -rear.friction, -front.friction - hold),
-            centre=(cx, cy), loads=(rear.load, front.load), friction=(rear.friction, front.friction), hold=hold,
+            rows=(of_X, of_Y, of_th, -rear.friction, -front.friction - hold),
+            centre=(cx, cy),
+            loads=(rear.load, front.load),
+            friction=(rear.friction, front.friction),
+            hold=hold,
             stretch=front.stretch,
             thrust=thrust_x * vx + thrust_y * vy + thrust_turns * rate,
-            haul=F * (cos * vx + sin * vy) + haul_turns * rate, drag=drag * (air * vx + vy * vy),
-        )  # fmt: skip
+            haul=haul * (cos * vx + sin * vy) + haul_turns * rate,
+            drag=drag * (air * vx + vy * vy),
+        )
 
     def add_tangent(
         self, matrix: Matrix, coordinates: Sequence[Array], rope_rows: Array, cars: CarLoadsAndMasses, c: TangentFactors
@@ -154,26 +185,45 @@ class Trolley:
 
         What the pitch rate adds there to c1 and c2 is left out: it is of the order of the rate times the step.
         """
-        c0, c1, c2 = c
+        q = coordinates[0]
         y = self.force_inputs(coordinates, rope_rows)
-        rows = self.forces(cars, y[:, None] + 1j * STEP * np.eye(INPUTS)).rows
-        by = np.array([row.imag / STEP for row in rows])  # (5, INPUTS)
+        shifted = y[:, None] + 1j * STEP * np.eye(INPUTS)
+        rows = self.forces(cars, shifted).rows
+        by_input = np.array([row.imag / STEP for row in rows])  # (5, INPUTS)
+        self._add_body_columns(matrix, by_input, c)
+        self._add_slope_columns(matrix, by_input, y[:8].reshape(4, 2), q, c[0])
+        self._let_wheels_follow(matrix, q[self.body[2]])
+        for row, slot in np.argwhere(by_input[:, 8:12]).tolist():
+            matrix.add_multiple_of_row(int(self.points.flat[slot]), int(self.rows[row]), by_input[row, 8 + slot])
+
+    def _add_body_columns(self, matrix: Matrix, by_input: Array, c: TangentFactors) -> None:
+        """Add what the motion of the body and F/M give."""
+        c0, c1, c2 = c
         factors = np.zeros((INPUTS, 4), matrix.dtype)  # of X, th and F in the inputs
-        factors[[13, 14, 15], [0, 1, 2]], factors[[16, 17, 18], [0, 1, 2]] = c1, c2
-        factors[12, 2], factors[19, 3] = c0, c2 or 1.0
+        factors[12, 2] = c0
+        factors[[13, 14, 15], [0, 1, 2]] = c1
+        factors[[16, 17, 18], [0, 1, 2]] = c2
+        factors[19, 3] = c2 or 1.0
         count = 4 if self.force >= 0 else 3
-        matrix.add_block(self.rows, [*self.body, self.force][:count], (by @ factors)[:, :count])
-        q, slopes = coordinates[0], y[:8].reshape(4, 2)
+        block = by_input @ factors
+        matrix.add_block(self.rows, [*self.body, self.force][:count], block[:, :count])
+
+    def _add_slope_columns(self, matrix: Matrix, by_input: Array, slopes: Array, q: Array, c0: complex) -> None:
+        """Add what the slopes beside both wheels (4, 2) give, by nodes and by s at the ends of the segments."""
         for side in range(4):
-            by_slope = c0 / (q[self.ends[side, 1]] - q[self.ends[side, 0]]) * by[:, 2 * side : 2 * side + 2]
+            begin, end = self.ends[side]
+            by_slope = c0 / (q[end] - q[begin]) * by_input[:, 2 * side : 2 * side + 2]  # (5, 2)
             block = self.shapes[side, :, None] * by_slope[:, None, :]  # (5, near, 2)
             matrix.add_block(self.rows, self.near[side].ravel(), block.reshape(5, -1))
             matrix.add_block(self.rows, self.ends[side], np.outer(by_slope @ slopes[side], [1.0, -1.0]))
-        b_sin, b_cos = self.wheels.base * math.sin(q[self.body[2]]), self.wheels.base * math.cos(q[self.body[2]])
-        for axis, turned in enumerate((b_sin, -b_cos)):
-            rear, front = self.points[:, axis]
-            matrix.add_multiple_of_column(front, self.body[axis], 1.0)
-            matrix.add_multiple_of_column(rear, self.body[axis], 1.0)
-            matrix.add_multiple_of_column(rear, self.body[2], turned)
-        for row, slot in np.argwhere(by[:, 8:12]).tolist():
-            matrix.add_multiple_of_row(int(self.points.flat[slot]), int(self.rows[row]), by[row, 8 + slot])
+
+    def _let_wheels_follow(self, matrix: Matrix, pitch: float) -> None:
+        """Add the columns of the nodes at both wheels to those of X and th."""
+        x, y, th = self.body
+        (rear_x, rear_y), (front_x, front_y) = self.points
+        matrix.add_multiple_of_column(front_x, x, 1.0)
+        matrix.add_multiple_of_column(front_y, y, 1.0)
+        matrix.add_multiple_of_column(rear_x, x, 1.0)
+        matrix.add_multiple_of_column(rear_y, y, 1.0)
+        matrix.add_multiple_of_column(rear_x, th, self.wheels.base * math.sin(pitch))
+        matrix.add_multiple_of_column(rear_y, th, -self.wheels.base * math.cos(pitch))
