@@ -13,6 +13,7 @@ A cabin of mass m swings by phi at the arm h below p: its centre is p_c = p + h 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -53,7 +54,6 @@ class ForcesOnCars(NamedTuple):
     tau: Array
     stretch: Array  # <lam>
     haul: Array  # F
-    drag: Array
     friction: Array  # f without the hold
     normal: Array  # - n . C: the car presses on the rope
     swing: Array  # row of phi
@@ -79,40 +79,78 @@ def swing_constants(car: Car, gravity: float) -> SwingConstants:
     return SwingConstants(lever, cabin.length, inertia, cabin.damping_moment_per_rate(gravity))
 
 
+def masses_drag_and_friction(cars: Sequence[Car], gravity: float) -> CarLoadsAndMasses:
+    """Data (n,) of cars without thrust, brakes and hold; a car on a shoe has no friction."""
+    swings = [swing_constants(car, gravity) for car in cars]
+    lever, arm, inertia, resistance = np.array(swings).reshape(-1, 4).T
+    none = np.zeros(len(cars))
+    return CarLoadsAndMasses(
+        mass=np.array([car.mass for car in cars]),
+        drag=np.array([car.drive.k for car in cars]),
+        wind=np.array([car.drive.wind for car in cars]),
+        friction=np.array([car.drive.mu_r if car.rail is None else 0.0 for car in cars]),
+        thrust=none,
+        brake=none,
+        hold=none,
+        sign=none,
+        lever=lever,
+        arm=arm,
+        inertia=inertia,
+        resistance=resistance,
+        gravity=gravity,
+        rear_brake=none,
+    )
+
+
 def vector_length(vectors: Array) -> Array:
     """Length of vectors (..., 2), also complex ones."""
     return np.sqrt(vectors[..., 0] ** 2 + vectors[..., 1] ** 2)
 
 
-def forces_on_cars(cars: CarLoadsAndMasses, inputs: Array) -> ForcesOnCars:
-    """Forces at inputs (..., n, INPUTS), which may be complex."""
-    behind, ahead, velocity, acceleration = (inputs[..., i : i + 2] for i in (0, 2, 4, 6))
-    angle, rate, turning = (inputs[..., i] for i in (9, 10, 11))
+def forces_on_cars(cars: CarLoadsAndMasses, slopes_and_motion: Array) -> ForcesOnCars:
+    """Forces at slopes and motions (..., n, INPUTS), which may be complex."""
+    y = slopes_and_motion
+    behind = y[..., 0:2]
+    ahead = y[..., 2:4]
+    velocity = y[..., 4:6]
+    acceleration = y[..., 6:8]
+    haul = cars.mass * y[..., 8]
+    angle = y[..., 9]
+    rate = y[..., 10]
+    turning = y[..., 11]
     forward = np.stack([np.cos(angle), -np.sin(angle)], axis=-1)
     out = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
     mean = 0.5 * (behind + ahead)
     tau = mean / vector_length(mean)[..., None]
+    stretch = 0.5 * (vector_length(behind) + vector_length(ahead))
     cabin_velocity = velocity + (cars.arm * rate)[..., None] * forward  # what the air meets
     air = cabin_velocity - np.stack([cars.wind, np.zeros_like(cars.wind)], axis=-1)
     speed = np.sqrt(air[..., 0] ** 2 + air[..., 1] ** 2 + 1e-24)  # differentiable at rest
     drag = -(cars.drag * speed)[..., None] * air
-    haul = cars.mass * inputs[..., 8]
     weight = cars.mass[:, None] * np.array([0.0, cars.gravity])
-    contact = cars.mass[:, None] * acceleration - weight - (haul + cars.thrust)[..., None] * tau - drag
+    driven = (haul + cars.thrust)[..., None] * tau
+    contact = cars.mass[:, None] * acceleration - weight - driven - drag
     contact = contact + (cars.lever * turning)[..., None] * forward - (cars.lever * rate**2)[..., None] * out
     normal = contact[..., 0] * tau[..., 1] - contact[..., 1] * tau[..., 0]
     load = np.where(normal.real < 0.0, -normal, normal)
     friction = -(cars.friction * load + cars.brake) * cars.sign
-    stretch = 0.5 * (vector_length(behind) + vector_length(ahead))
     about_hinge = cars.lever * (dot(acceleration, forward) + cars.gravity * np.sin(angle))
-    swing = cars.inertia * turning + about_hinge + cars.resistance * rate - cars.arm * dot(drag, forward)
-    Q = stretch * (cars.hold + friction)
-    return ForcesOnCars(contact, Q, tau, stretch, haul, drag, friction, normal, swing, dot(drag, cabin_velocity))
+    return ForcesOnCars(
+        contact=contact,
+        drive=stretch * (cars.hold + friction),
+        tau=tau,
+        stretch=stretch,
+        haul=haul,
+        friction=friction,
+        normal=normal,
+        swing=cars.inertia * turning + about_hinge + cars.resistance * rate - cars.arm * dot(drag, forward),
+        air_power=dot(drag, cabin_velocity),
+    )
 
 
-def car_force_jacobian(cars: CarLoadsAndMasses, inputs: Array) -> Array:
-    """Derivatives (n, 4, INPUTS) of C, - Q and the row of phi by the inputs (n, INPUTS)."""
-    shifted = inputs + 1j * STEP * np.eye(INPUTS)[:, None, :]  # (INPUTS, n, INPUTS)
+def car_force_jacobian(cars: CarLoadsAndMasses, slopes_and_motion: Array) -> Array:
+    """Derivatives (n, 4, INPUTS) of C, - Q and the row of phi by slopes and motions (n, INPUTS)."""
+    shifted = slopes_and_motion + 1j * STEP * np.eye(INPUTS)[:, None, :]  # (INPUTS, n, INPUTS)
     at = forces_on_cars(cars, shifted)
     values = np.concatenate([at.contact, -at.drive[..., None], at.swing[..., None]], axis=-1)  # (INPUTS, n, 4)
     return np.moveaxis(values.imag / STEP, 0, -1)

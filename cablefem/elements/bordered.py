@@ -18,11 +18,16 @@ class DenseMatrix:
     """A full matrix."""
 
     def __init__(self, matrix: Any) -> None:
-        self.matrix, self.dtype = matrix, matrix.dtype
+        self.matrix = matrix
+        self.dtype = matrix.dtype
 
     def add_block(self, rows: Indices, columns: Indices, block: Array) -> None:
         """Add a block (rows, columns)."""
         self.matrix[np.ix_(rows, columns)] += block
+
+    def add_entry(self, row: int, column: int, value: complex) -> None:
+        """Add one entry."""
+        self.add_block([row], [column], np.array([[value]]))
 
     def add_multiple_of_row(self, source: int, to: int, factor: complex = 1.0) -> None:
         """Add a factor times row `source` to another row."""
@@ -42,7 +47,8 @@ class BandMatrix:
     """A band matrix of n unknowns with border rows and columns; numbers count through."""
 
     def __init__(self, n: int, band: int, border: int) -> None:
-        self.n, self.b = n, band
+        self.n = n
+        self.b = band
         self.ab: Any = np.zeros((3 * band + 1, n), order="F")  # as LAPACK's gbtrf
         self.columns: Any = np.zeros((n, border))
         self.rows: Any = np.zeros((border, n))
@@ -62,13 +68,18 @@ class BandMatrix:
 
     def add_block(self, rows: Indices, columns: Indices, block: Array) -> None:
         """Add a block (rows, columns) inside the band, in the border rows or in the corner."""
-        i, j = np.asarray(rows)[:, None], np.asarray(columns)
+        i = np.asarray(rows)[:, None]
+        j = np.asarray(columns)
         if i[0] < self.n:
             self.ab[2 * self.b + i - j, j] += block
         elif j[0] < self.n:
             self.rows[i - self.n, j] += block
         else:
             self.corner[i - self.n, j - self.n] += block
+
+    def add_entry(self, row: int, column: int, value: complex) -> None:
+        """Add one entry."""
+        self.add_block([row], [column], np.array([[value]]))
 
     def _columns_in_band(self, i: int) -> NDArray[np.intp]:
         """Numbers within the band beside i < n."""
@@ -102,16 +113,20 @@ class BandMatrix:
 
     def fix_unknowns_at_zero(self, at: NDArray[np.intp]) -> None:
         """Make rows and columns `at` zero but for ones on the diagonal: these unknowns drop out."""
-        inner, border = at[at < self.n], at[at >= self.n] - self.n
+        inner = at[at < self.n]
+        border = at[at >= self.n] - self.n
         j = inner[:, None] + np.arange(-self.b, self.b + 1)
         band_row = np.broadcast_to(np.arange(3 * self.b, self.b - 1, -1), j.shape)
         inside = (j >= 0) & (j < self.n)
         self.ab[band_row[inside], j[inside]] = 0.0
         self.ab[:, inner] = 0.0
         self.ab[2 * self.b, inner] = 1.0
-        self.columns[inner], self.columns[:, border] = 0.0, 0.0
-        self.rows[:, inner], self.rows[border] = 0.0, 0.0
-        self.corner[border], self.corner[:, border] = 0.0, 0.0
+        self.columns[inner] = 0.0
+        self.columns[:, border] = 0.0
+        self.rows[:, inner] = 0.0
+        self.rows[border] = 0.0
+        self.corner[border] = 0.0
+        self.corner[:, border] = 0.0
         self.corner[border, border] = 1.0
 
     def factorise_in_place(self) -> Callable[[Array], Array]:

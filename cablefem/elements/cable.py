@@ -25,7 +25,7 @@ from cablefem.elements.kernels.balance import (
 from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve_factored_in_place
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_newmark_steps
-from cablefem.elements.observing import MotionAtMass, StationFields, StationPoints
+from cablefem.elements.observing import HistoryWithForces, MotionAtMass, StationFields, StationPoints
 from cablefem.elements.reference import QuadraturePoints
 from cablefem.newmark import Array, Newton, Solve, State, StepResult, System, Tableau, TangentFactors
 from cablefem.response import Observation, States
@@ -85,10 +85,10 @@ class CableElements(System):
         self.phases = groups.drive.phases if self.motion is None else self.motion.phases
         self.force_scale = (groups.mu or 1.0) * groups.sigma  # weight of the mass or of the bare cable
         self.force_floor = 16.0 * sys.float_info.epsilon * max(1.0, groups.alpha)  # rounding
-        self.fields = 2 if model == "full" else 1
+        normal = np.array([[-groups.chord_sin, groups.chord_cos]])  # of the chord
+        self.direction = np.eye(2) if model == "full" else normal  # displacement of each field
+        self.fields = len(self.direction)
         self.inertia = groups.mu if load == "mass" else 0.0
-        # displacement of each field
-        self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
         self.min_tension_and_position = (math.inf, 0.0)
         self.weight = groups.mu * groups.sigma * self.direction[:, 1]
         self._set_law(law)
@@ -163,7 +163,7 @@ class CableElements(System):
         results = np.empty((len(steps.a), 6))
         car, inputs = self._car_and_kernel_inputs(t, phase)
         at_nodes = [self._mass_coupling_at(x, phase) for x in t[0].tolist()]
-        coupling = MassCoupling(*(np.array(of_nodes) for of_nodes in zip(*at_nodes, strict=True)))
+        coupling = MassCoupling(*map(np.array, zip(*at_nodes, strict=True)))
         kernel_steps = collocation.Steps(inputs, coupling, *steps, results, self.slack_ends)
         self._assembled_at = None
         space = self._collocation_workspace(rule.c.size)
@@ -183,9 +183,8 @@ class CableElements(System):
     def _set_residual_and_tangent(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         """Set r, `min_tension_and_position` and, unless the factors are 0, `_tangent` at x, rows q, v, a."""
         if self._assembled_at != (t, phase):
-            self._instant = Instant(
-                self._kinematics_and_load(np.array([t]), phase)[0], self._bands, self._mass_coupling_at(t, phase)
-            )
+            inputs = self._kinematics_and_load(np.array([t]), phase)[0]
+            self._instant = Instant(inputs, self._bands, self._mass_coupling_at(t, phase))
             set_mass_damping_stiffness(self._cable, self._instant)
             self._assembled_at = (t, phase)
         self.min_tension_and_position = assemble_cable(self._cable, self._instant, x, r, self._tangent, factors)
@@ -195,7 +194,8 @@ class CableElements(System):
         points = np.empty((9, self._mesh.tab[..., 0].size))
         chord = None if self.fields == 2 else True
         self._cable = Cable(self._mesh, self._law, chord, self._operators, points, self.groups.damping)
-        self._tangent, self._bands = self._zero_tangent(float), np.empty((3, *self._operators.shape[1:]))
+        self._tangent = self._zero_tangent(float)
+        self._bands = np.empty((3, *self._operators.shape[1:]))
         self._assembled_at = None
         self._space: collocation.Workspace | None = None
 
@@ -203,18 +203,26 @@ class CableElements(System):
         n = self.fields * self.n_scalar
         bordered = self.fields == 1 or "grip" not in self.drives
         ab = np.zeros((n, 2 * self._band + 1), dtype)
-        return Tangent(ab, np.zeros((3, n + 1), dtype) if bordered else None)
+        border = np.zeros((3, n + 1), dtype) if bordered else None
+        return Tangent(ab, border)
 
     def _collocation_workspace(self, nodes: int) -> collocation.Workspace:
         """The workspace of a rule with so many nodes, made once."""
         if self._space is None or len(self._space.bands) != nodes:
             n = self.n_dof
-            parts = Tangent(*(None if x is None else np.array([x] * 3) for x in self._zero_tangent(float)))
+            real = self._zero_tangent(float)
+            parts = [None if x is None else np.array([x] * 3) for x in real]
             self._space = collocation.Workspace(
-                real=self._zero_tangent(float), complex_pair=self._zero_tangent(complex), parts=parts,
-                bands=np.empty((nodes, *self._bands.shape)), kept_step=np.full(1, math.nan), scales=np.ones((nodes, n)),
-                x=np.empty((nodes, 3, n)), r=np.empty((nodes, n)), da=np.empty((nodes, n)),
-            )  # fmt: skip
+                real=real,
+                complex_pair=self._zero_tangent(complex),
+                parts=Tangent(*parts),
+                bands=np.empty((nodes, *self._bands.shape)),
+                kept_step=np.full(1, math.nan),
+                scales=np.ones((nodes, n)),
+                x=np.empty((nodes, 3, n)),
+                r=np.empty((nodes, n)),
+                da=np.empty((nodes, n)),
+            )
         return self._space
 
     def _kinematics_and_load(self, t: Array, phase: int) -> Array:
@@ -226,14 +234,16 @@ class CableElements(System):
 
     def _mass_kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history (n, 3)."""
-        return np.ascontiguousarray(self.motion.positions_with_rates(states.t, states.phase).T)
+        kinematics = self.motion.positions_with_rates(states.t, states.phase)
+        return np.ascontiguousarray(kinematics.T)
 
     def _nodal_values(self, history: Array, dofs: Any, row: Any = slice(None)) -> Array:
         """Scalar unknowns `dofs` (...) of the cable in a history (n, n_dof), (n, ..., fields); 0 at supports, -1.
 
         row : of the history, for each of `dofs`; default all.
         """
-        cable = history[:, : self.fields * self.n_scalar].reshape(len(history), self.n_scalar, self.fields)
+        size = self.fields * self.n_scalar
+        cable = history[:, :size].reshape(len(history), self.n_scalar, self.fields)
         return np.where(np.asarray(dofs)[..., None] >= 0, cable[row, dofs], 0.0)
 
     def _mesh_kinematics(self, mass_kinematics: Array) -> Array:
@@ -243,25 +253,19 @@ class CableElements(System):
     def _cable_motion_at_mass(self, states: States, mass_kinematics: Array) -> MotionAtMass:
         raise NotImplementedError
 
-    def _end_forces_with_mass(
-        self, states: States, mass_kinematics: Array, end_forces: Array, contact_force: Array
-    ) -> Array:
+    def _end_forces_with_mass(self, history: HistoryWithForces) -> Array:
         """`observing.CableState.end_forces`, with the mass added on a mesh without a node at it."""
-        return end_forces
+        return history.end_forces
 
-    def _fields_at_stations(
-        self, states: States, mass_kinematics: Array, end_forces: Array, contact_force: Array, s: Array,
-        frames: NDArray[np.intp],
-    ) -> StationFields:  # fmt: skip
-        """Fields at stations s, (m,) or (k, m), for the rows `frames` (k,).
-
-        end_forces : see `observing.CableState`;  contact_force : of the cable on the mass (fields, n).
-        """
+    def _fields_at_stations(self, history: HistoryWithForces, s: Array, frames: NDArray[np.intp]) -> StationFields:
+        """Fields at stations s, (m,) or (k, m), for the rows `frames` (k,)."""
         knots = self._knots
         n_left = self._mesh.n_left
+        states = history.states
         q, v, a = self._element_polynomials([x[frames] for x in (states.q, states.v, states.a)])
         a += self.groups.damping * v
-        s_o, ds, _ = mass_kinematics[frames].T  # (k,) each
+        s_o, ds, dds = history.mass_kinematics[frames].T  # (k,) each
+        dds = dds + self.groups.damping * ds
         is_behind = (np.arange(len(knots) - 1) < n_left)[:, None, None]  # (elements, 1, 1)
         side = np.where(is_behind, 1.0, -1.0)  # dh/ds_o
         length = np.diff(knots)[:, None, None]
@@ -271,14 +275,13 @@ class CableElements(System):
         power = np.arange(1.0, len(q) + 1.0)[:, None, None, None]
         w_x = power[:-1] * q[1:] / np.where(h > 0.0, length * h, 1.0)
         rate = v - _multiply_by_linear(ds * w_x, chi)
-        dds = mass_kinematics[frames, 2] + self.groups.damping * ds
         moving = dds * q + 2.0 * ds * v
         momentum = np.zeros((len(q) + 1, *q.shape[1:]))
         momentum[1:] = (h * a + side * moving) * length / power
         at_node = 2.0 * ds * self._nodal_values(states.v[frames], self.node).T  # (fields, k)
         at_node += dds * self._nodal_values(states.q[frames], self.node).T
-        at_begin = np.where(is_behind, end_forces[0][:, frames], end_forces[2][:, frames] + at_node)
-        self._add_momentum_before_elements(momentum, at_begin)
+        ends = history.end_forces[:, :, frames]
+        self._add_momentum_before_elements(momentum, np.where(is_behind, ends[0], ends[2] + at_node))
         force_less_flux = momentum - _multiply_by_linear(moving, chi)
 
         at = StationPoints(s, s_o, knots, n_left, self.fields)
@@ -323,19 +326,21 @@ class CableElements(System):
         s = np.asarray(s)
         if self.fields == 2:
             _, xp, yp, xpp, ypp = self.groups.tension_and_shape_derivatives(s)
-            return np.stack(self.groups.coordinates(s), -1), np.stack([xp, yp], -1), np.stack([xpp, ypp], -1)
+            position = np.stack(self.groups.coordinates(s), -1)
+            return position, np.stack([xp, yp], -1), np.stack([xpp, ypp], -1)
         bend = -self._law[2] * np.ones_like(s)
         depth = -0.5 * (bend * s * (1.0 - s))
         slope = bend * (s - 0.5)
         return depth[..., None], slope[..., None], bend[..., None]
 
-    def _mass_load_on_static_cable(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
+    def _inertia_less_weight_on_static_shape(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
         """Force of a mass that follows the static shape, mu d2X/dt2 less its weight, of each field."""
         mu = self.inertia
         weight = self.weight
         if self.fields == 1:
             curvature = float(self._law[2])
-            return (mu * (dds * curvature * (0.5 - s_o) - ds * ds * curvature) - weight[0],)
+            acceleration = dds * curvature * (0.5 - s_o) - ds * ds * curvature
+            return (mu * acceleration - weight[0],)
         p = self.groups.c - self.groups.sigma * s_o
         T = np.sqrt(1.0 + p * p)
         bend = ds * ds * self.groups.sigma / T**3

@@ -19,7 +19,7 @@ from skfem.models.poisson import mass
 
 from cablefem.elements.cable import CableElements
 from cablefem.elements.kernels.balance import Factors, MassCoupling, Mesh
-from cablefem.elements.observing import MotionAtMass, StationFields
+from cablefem.elements.observing import HistoryWithForces, MotionAtMass, StationFields
 from cablefem.elements.reference import (
     QuadraturePoints,
     assemble_bands,
@@ -73,12 +73,14 @@ class FixedElements(CableElements):
         s_o, _, dds = self.motion.position_with_rates(t, phase)
         jump = dds - self.motion.position_with_rates(t, phase - 1)[2]
         dofs, N, N_s, _ = self._unknowns_and_shape_functions_ahead(s_o)
+        static_slope = self.static_shape_and_derivatives(s_o)[1]
         slope_jump = jump * N_s @ state.q[dofs]
-        load = np.zeros(self.fields * self.n_scalar)
-        load[dofs] = -self.inertia * np.outer(N, jump * self.static_shape_and_derivatives(s_o)[1] + slope_jump)
+        a_jump = np.zeros(self.fields * self.n_scalar)
+        a_jump[dofs] = -self.inertia * np.outer(N, jump * static_slope + slope_jump)
         _, solve = super().linearise(t, state.q, state.v, state.a, phase, ACCELERATION_ONLY)
-        solve(load)
-        return State(t, state.q, state.v, state.a + np.append(load, N @ load[dofs] + slope_jump), phase)
+        solve(a_jump)  # in place
+        of_particle = N @ a_jump[dofs] + slope_jump
+        return State(t, state.q, state.v, state.a + np.append(a_jump, of_particle), phase)
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         """As of the cable; the rows of a particle are eliminated by its constraint."""
@@ -116,12 +118,8 @@ class FixedElements(CableElements):
         k = element.nodal_dofs
         step = k + element.interior_dofs
         offsets = np.r_[0:k, step : step + k, k:step]  # in scikit-fem's order: left node, right node, inside
-        degree = len(offsets) - 1
-        unit = skfem.MeshLine(np.array([0.0, 1.0]))
-        basis, of_forces = (
-            skfem.Basis(unit, element(), intorder=order) for order in (2 * degree, force_quadrature_order(degree))
-        )
         n_loc = len(offsets)
+        degree = n_loc - 1
         first = np.arange(n)[:, None]
         all_dofs = step * first + offsets
         number = np.arange(all_dofs.max() + 1)
@@ -129,42 +127,52 @@ class FixedElements(CableElements):
         number = np.where(supports, -1, np.cumsum(~supports) - 1)
         dofs = number[all_dofs]
         self.n_scalar = int(number.max()) + 1
-        tab, fine = (np.tile(shape_table(x), (n, 1, 1)) for x in (of_forces, basis))
-        for x in (tab, fine):
-            x[:, :, 0] += first
-            x[:, :, :2] /= n
-            x[:, :, 2 + n_loc :] *= n
-        self._mesh = Mesh(dofs, tab, n, (), ())
-        self._at_inertia, self._at_force = (QuadraturePoints.from_table(dofs, x, n, self.n_scalar) for x in (fine, tab))
+        unit = skfem.MeshLine(np.array([0.0, 1.0]))
+        of_products = skfem.Basis(unit, element(), intorder=2 * degree)
+        of_forces = skfem.Basis(unit, element(), intorder=force_quadrature_order(degree))
+        inertia = np.tile(shape_table(of_products), (n, 1, 1))
+        forces = np.tile(shape_table(of_forces), (n, 1, 1))
+        for tab in (inertia, forces):
+            tab[:, :, 0] += first
+            tab[:, :, :2] /= n
+            tab[:, :, 2 + n_loc :] *= n
+        self._mesh = Mesh(dofs, forces, n, (), ())
+        self._at_inertia = QuadraturePoints.from_table(dofs, inertia, n, self.n_scalar)
+        self._at_force = QuadraturePoints.from_table(dofs, forces, n, self.n_scalar)
         b = int(offsets.max())
         self._band = self.fields * b + self.fields - 1
-        M = assemble_bands(np.repeat(mass.coo_data(basis).tolocal() / n, n, axis=0), dofs, self.n_scalar, b)
+        local_mass = np.repeat(mass.coo_data(of_products).tolocal() / n, n, axis=0)
+        M = assemble_bands(local_mass, dofs, self.n_scalar, b)
         self._operators = np.repeat(M[None], self.fields, axis=2)
-        self._moments = shape_integrals(dofs, fine, fine[..., 0], self.n_scalar)[None]
+        self._moments = shape_integrals(dofs, inertia, inertia[..., 0], self.n_scalar)[None]
         self._knots = np.linspace(-1.0, 0.0, n + 1)
         self._shapes = shape_polynomial_coefficients(element())
-        derivatives = [float(n) ** d * polyder(self._shapes, d, axis=1) for d in range(3)]
-        # (3, n_loc, n_loc): N, N', N''
-        self._powers = np.stack([np.pad(x, ((0, 0), (0, n_loc - x.shape[1]))) for x in derivatives])
+        self._powers = np.zeros((3, n_loc, n_loc))  # N, N', N''
+        for d in range(3):
+            derivative = polyder(self._shapes, d, axis=1)
+            self._powers[d, :, : derivative.shape[1]] = float(n) ** d * derivative
 
     def _unknowns_and_shape_functions_ahead(self, s: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Unknowns (n_loc, fields) and N, N', N'' (n_loc,) at s, without supports; at a node of the element ahead."""
         (dofs,), shapes = self._shape_functions_on_side(np.array([s]), "ahead")
         keep = dofs >= 0
         N, N_s, N_ss = np.ascontiguousarray(shapes[:, keep, 0])  # one layout, compiled once
-        return self.fields * dofs[keep][:, None] + np.arange(self.fields), N, N_s, N_ss
+        unknowns = self.fields * dofs[keep][:, None] + np.arange(self.fields)
+        return unknowns, N, N_s, N_ss
 
     def _kinematics_and_load(self, t: Array, phase: int) -> Array:
-        load = self._mass_load_on_static_cable(*self.motion.positions_with_rates(t.ravel(), phase))
+        kinematics = self.motion.positions_with_rates(t.ravel(), phase)
+        load = self._inertia_less_weight_on_static_shape(*kinematics)
         zero = np.zeros(t.size)
         return np.stack([zero + 1.0, zero, zero, *load], axis=1).reshape(*t.shape, -1)
 
     def _mass_coupling_at(self, t: float, phase: int) -> MassCoupling:
         s_o, ds, dds = self.motion.position_with_rates(t, phase)
         dofs, N, N_s, N_ss = self._unknowns_and_shape_functions_ahead(s_o)
-        mu = self.inertia
-        convected = 0.0 if self.particle else mu  # a particle's path has them already
-        return MassCoupling(dofs, N, mu * N, 2.0 * convected * ds * N_s, convected * (ds * ds * N_ss + dds * N_s))
+        convected = 0.0 if self.particle else self.inertia  # a particle's path has them already
+        c_row = 2.0 * convected * ds * N_s
+        k_row = convected * (ds * ds * N_ss + dds * N_s)
+        return MassCoupling(dofs, N, self.inertia * N, c_row, k_row)
 
     def _set_residual_and_tangent(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         super()._set_residual_and_tangent(t, phase, x, r, factors)
@@ -181,8 +189,10 @@ class FixedElements(CableElements):
         side : "behind" or "ahead", which counts at a node.
         """
         x = s * self.elements
-        e = np.clip(np.ceil(x) - 1 if side == "behind" else np.floor(x), 0, self.elements - 1).astype(int)
-        return self._mesh.dofs[e], self._powers @ (x - e) ** np.arange(self._powers.shape[2])[:, None]
+        element = np.ceil(x) - 1 if side == "behind" else np.floor(x)
+        e = np.clip(element, 0, self.elements - 1).astype(int)
+        powers = (x - e) ** np.arange(self._powers.shape[2])[:, None]
+        return self._mesh.dofs[e], self._powers @ powers
 
     def _mesh_kinematics(self, mass_kinematics: Array) -> Array:
         return np.tile([1.0, 0.0, 0.0], (len(mass_kinematics), 1))  # one side, which rests
@@ -203,28 +213,29 @@ class FixedElements(CableElements):
         if self.particle:
             f = self.fields
             return MotionAtMass(states.q[:, -f:], states.v[:, -f:], states.a[:, -f:], behind, ahead)
-        w_t = at(N, v) + ds[:, None] * ahead
-        w_tt = at(N, a) + at(2.0 * ds * N_s, v) + at(ds**2 * N_ss + dds * N_s, q)
-        return MotionAtMass(at(N, q), w_t, w_tt, behind, ahead)
+        velocity = at(N, v) + ds[:, None] * ahead
+        acceleration = at(N, a) + at(2.0 * ds * N_s, v) + at(ds**2 * N_ss + dds * N_s, q)
+        return MotionAtMass(at(N, q), velocity, acceleration, behind, ahead)
 
-    def _end_forces_with_mass(
-        self, states: States, mass_kinematics: Array, end_forces: Array, contact_force: Array
-    ) -> Array:
+    def _end_forces_with_mass(self, history: HistoryWithForces) -> Array:
         """Adds the mass; half of ds_o^2 [r'] is missing in the element under it."""
-        s_o = mass_kinematics[:, 0]
-        left = end_forces[0] - (1.0 - s_o) * contact_force
-        right = end_forces[1] + s_o * contact_force
-        of_parts = np.stack([left, end_forces[1], end_forces[2], right])
-        mesh = self._mesh_kinematics(mass_kinematics)
-        at_mass = super()._fields_at_stations(states, mesh, of_parts, contact_force, s_o[:, None], np.arange(s_o.size))
-        behind = at_mass.force_less_flux[..., 0]
-        return np.stack([left, behind, behind + contact_force, right])
+        s_o = history.mass_kinematics[:, 0]
+        force = history.contact_force
+        behind, ahead = history.end_forces[1:3]
+        left = history.end_forces[0] - (1.0 - s_o) * force
+        right = behind + s_o * force
+        of_cable = history._replace(end_forces=np.stack([left, behind, ahead, right]))
+        at_mass = self._fields_without_mass(of_cable, s_o[:, None], np.arange(s_o.size))
+        at_behind = at_mass.force_less_flux[..., 0]
+        return np.stack([left, at_behind, at_behind + force, right])
 
-    def _fields_at_stations(
-        self, states: States, mass_kinematics: Array, end_forces: Array, contact_force: Array, s: Array,
-        frames: NDArray[np.intp],
-    ) -> StationFields:  # fmt: skip
-        mesh = self._mesh_kinematics(mass_kinematics)
-        along = super()._fields_at_stations(states, mesh, end_forces, contact_force, s, frames)
-        is_ahead = s > mass_kinematics[frames, :1]  # (k, m)
-        return along._replace(force_less_flux=along.force_less_flux + is_ahead * contact_force[:, frames, None])
+    def _fields_without_mass(self, history: HistoryWithForces, s: Array, frames: NDArray[np.intp]) -> StationFields:
+        """`_fields_at_stations` of one side without the force of the mass inside."""
+        mesh = self._mesh_kinematics(history.mass_kinematics)
+        return super()._fields_at_stations(history._replace(mass_kinematics=mesh), s, frames)
+
+    def _fields_at_stations(self, history: HistoryWithForces, s: Array, frames: NDArray[np.intp]) -> StationFields:
+        along = self._fields_without_mass(history, s, frames)
+        is_ahead = s > history.mass_kinematics[frames, :1]  # (k, m)
+        of_mass = is_ahead * history.contact_force[:, frames, None]
+        return along._replace(force_less_flux=along.force_less_flux + of_mass)

@@ -73,10 +73,10 @@ class FollowingElements(CableElements):
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
         if ds > 0.0:
-            node_a = -np.array(self._mass_load_on_static_cable(0.0, ds, dds)) / inertia
+            node_a = -np.array(self._inertia_less_weight_on_static_shape(0.0, ds, dds)) / inertia
         elif dds > 0.0:
             node_a = dds * self._entry_slope_behind(
-                inertia * dds, np.array(self._mass_load_on_static_cable(0.0, 0.0, dds))
+                inertia * dds, np.array(self._inertia_less_weight_on_static_shape(0.0, 0.0, dds))
             )
         else:
             raise ValueError("the travel starts with neither speed nor acceleration")
@@ -133,7 +133,9 @@ class FollowingElements(CableElements):
         kinematics = self.motion.positions_with_rates(t.ravel(), phase)
         if not (kinematics[0].min() > 0.0 and kinematics[0].max() < 1.0):
             raise ValueError("a side of the following mesh has no length at an end of the travel")
-        return np.stack([*kinematics, *self._mass_load_on_static_cable(*kinematics)], axis=1).reshape(*t.shape, -1)
+        return np.stack([*kinematics, *self._inertia_less_weight_on_static_shape(*kinematics)], axis=1).reshape(
+            *t.shape, -1
+        )
 
     def _mass_coupling_at(self, t: float, phase: int) -> MassCoupling:
         return self._coupling

@@ -5,19 +5,25 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from cablefem.elements.bodies import INPUTS, CarLoadsAndMasses, car_force_jacobian, forces_on_cars, swing_constants
+from cablefem.elements.bodies import (
+    INPUTS,
+    CarLoadsAndMasses,
+    car_force_jacobian,
+    forces_on_cars,
+    masses_drag_and_friction,
+)
 from cablefem.elements.bordered import BandMatrix, DenseMatrix, Matrix
 from cablefem.elements.line_coordinates import Coordinates, LineCoordinates
-from cablefem.elements.segments import Law, Motion
+from cablefem.elements.segments import Law
 from cablefem.newmark import Array, Solve, TangentFactors
-from cablefem.scene.contacts import MovingLine
+from cablefem.scene.contacts import Contact, MovingLine
 
 if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
@@ -44,39 +50,39 @@ class LineBalance(LineCoordinates):
         self.band = 2 * degree + 1
         # t, a, rows and loads at the last instant of the last residuals
         self._last: tuple[float, Array, Array, Array] | None = None
-        self._steady: CarLoadsAndMasses | None = None  # of cars that do not change
         self._instants: tuple[Array, int, Array] | None = None  # t, phase, prescribed ones of the last residuals
-        outer = [(k, line.supports[k]) for k in (0, -1)]
-        springs = [(k, c) for k, c in outer if c.stiffness is not None]
-        self._springs = [(2 * int(self.node[k]) + np.arange(2), np.array(c.stiffness), c) for k, c in springs]
-        self._weights = [(int(self.s[k]), k) for k, c in outer if c.force is not None]
-        weights = [car.mass * line.gravity for car in line.cars_on_rope]
+        self._set_springs_and_counterweights()
+        weights = [car.mass * line.gravity for car in line.cars]
         self.force_scale = min(weights, default=line.weight_per_length * line.supports[-1].point[0])
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
-        self._set_initial_car_loads_and_masses()
+        self._unloaded_cars = masses_drag_and_friction(line.cars, line.gravity)
+        self._steady_cars: CarLoadsAndMasses | None = None  # those of cars that do not change
+        self._rolls = any(car.drive_kind == "free" for car in line.cars)
+        self.signs = np.array([line.travel_direction(c, 0) if c.travel else 1.0 for c in line.cars])
+        self.brakes = np.zeros(len(line.cars))  # [N] that act on free cars
+        self.rear_brakes = np.zeros(len(line.cars))  # [N] of them at the rear one of two wheels
+        self.hold = np.zeros(len(line.cars))  # [N] f that holds free cars at the start
 
-    def _set_initial_car_loads_and_masses(self) -> None:
-        """Set masses, drag, friction and cabins, which stay, and the first signs, brakes and hold."""
-        cars = self.line.cars_on_rope
-        self._masses = np.array([c.mass for c in cars])
-        # a shoe has no friction
-        air = [(c.drive.k, c.drive.wind, c.drive.mu_r if c.rail is None else 0.0) for c in cars]
-        self._air = np.array(air).reshape(-1, 3).T
-        self._swings = np.array([swing_constants(car, self.line.gravity) for car in cars]).reshape(-1, 4).T
-        self._rolls = any(car.drive_kind == "free" for car in cars)
-        self.signs = np.array([self.line.travel_direction(c, 0) if c.travel else 1.0 for c in cars])
-        self.brakes = np.zeros(len(cars))  # [N] that act on free cars
-        self.rear_brakes = np.zeros(len(cars))  # [N] of them at the rear one of two wheels
-        self.hold = np.zeros(len(cars))  # [N] f that holds free cars at the start
+    def _set_springs_and_counterweights(self) -> None:
+        self._springs: list[tuple[NDArray[np.intp], Array, Contact]] = []  # slots of x and y, stiffness
+        self._weights: list[tuple[int, int]] = []  # slot of s and number of the end
+        for k in (0, -1):
+            end = self.line.supports[k]
+            if end.stiffness is not None:
+                point = 2 * int(self.node[k]) + np.arange(2)
+                self._springs.append((point, np.array(end.stiffness), end))
+            if end.force is not None:
+                self._weights.append((int(self.s[k]), k))
 
     @cached_property
     def _kernel(self) -> Kernel:
         from cablefem.elements.segment_kernels import Kernel  # slow to load
 
-        on_one, contacts = np.array(self.points, int), np.array(self.cars, int)
+        on_one = np.array(self.points, int)
+        contacts = np.array(self.cars, int)
         swings = np.full(len(contacts), -1)
         swings[self.of_swing] = self.swing
-        slots = [self._force_slots[on_one], swings[on_one]]
+        slots = [self._force_slots[on_one], swings[on_one]]  # of F/M and phi
         return Kernel(self.segments, on_one, contacts[on_one], slots, self.line.gravity)
 
     @property
@@ -86,7 +92,8 @@ class LineBalance(LineCoordinates):
 
     # --- rows --------------------------------------------------------------------------------------------------
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        return self._select_unknown_rows(self.balance_rows(t, self.coordinates_from_unknowns(t, q, v, a, phase), phase))
+        x = self.coordinates_from_unknowns(t, q, v, a, phase)
+        return self._select_unknown_rows(self.balance_rows(t, x, phase))
 
     def _select_unknown_rows(self, rows: Array) -> Array:
         """Rows of the unknowns (..., n_dof), of rows (..., size); a car that sticks needs none, its s.. stays 0."""
@@ -97,16 +104,21 @@ class LineBalance(LineCoordinates):
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
         if not self.compiled:
             return super().residuals(t, q, v, a, phase)
-        instants = self._instants
-        if instants is None or instants[0] is not t or instants[1] != phase:
-            prescribed = np.stack([self._cached_prescribed_coordinates(at, phase) for at in t.tolist()], axis=1)
-            instants = self._instants = t, phase, prescribed  # the same for all residuals of a step
-        z = instants[2].copy()  # (3, n, size)
+        z = self._prescribed_at_instants(t, phase).copy()
         z[..., self._unknown] = q, v, a
         x = self.fill_dependent_coordinates(z)
         rows = self.balance_rows(t, x, phase)
         self._last = t.item(-1), a[-1], rows[-1], self.loads[-1]
         return self._select_unknown_rows(rows)
+
+    def _prescribed_at_instants(self, t: Array, phase: int) -> Array:
+        """Prescribed coordinates with rates (3, n, size) at times t (n,), the same for all residuals of a step."""
+        last = self._instants
+        if last is not None and last[0] is t and last[1] == phase:
+            return last[2]
+        prescribed = np.stack([self._cached_prescribed_coordinates(at, phase) for at in t.tolist()], axis=1)
+        self._instants = t, phase, prescribed
+        return prescribed
 
     def balance_rows(
         self, t: Array | float, x: Coordinates, phase: int, rope_and_cars: RopeAndCars | None = None
@@ -119,10 +131,11 @@ class LineBalance(LineCoordinates):
         rows = self._rope_rows_noting_loads(x, law, cars)
         self._add_support_rows(rows, x)
         for trolley in self.trolleys:
-            y = trolley.force_inputs(x, rows[..., trolley.points.ravel()])
-            rows[..., trolley.rows] += np.stack(trolley.forces(cars, y).rows, axis=-1)
+            inputs = trolley.force_inputs(x, rows[..., trolley.points.ravel()])
+            rows[..., trolley.rows] += np.stack(trolley.forces(cars, inputs).rows, axis=-1)
         for slot, rail in self.rails:
-            rows[..., slot] += rail.depth_with_derivatives(x.q[..., slot])[1] * rows[..., slot + 1]
+            slope = rail.depth_with_derivatives(x.q[..., slot])[1]
+            rows[..., slot] += slope * rows[..., slot + 1]
         if self.off_rope:
             each = rows.reshape(-1, self.size)
             z = np.array(x).reshape(3, -1, self.size)
@@ -144,20 +157,21 @@ class LineBalance(LineCoordinates):
         return rows
 
     def _add_rope_rows_by_numpy(self, rows: Array, x: Coordinates, law: Law, cars: CarLoadsAndMasses) -> None:
-        m = self.segment_motion(x)
-        fields = self.segments.fields_at_points(self.segments.values_at_points(m), law)
+        values = self.segments.motion_at_points(self.segment_motion(x))
+        fields = self.segments.fields_at_points(values, law)
         nodes, ends = self.segments.node_and_end_rows(fields)
-        points = rows[: 2 * self.n].reshape(-1, 2)
+        points = self.node_points(rows)
         points[:-1] += nodes[:, :-1].reshape(-1, 2)
         points[self.node[1:]] += nodes[:, -1]
         rows[self.s[:-1]] += ends[0]
         rows[self.s[1:]] += ends[1]
         if self.points:
-            at, k = forces_on_cars(cars, self.slopes_and_motion_at_cars(x, m)), np.array(self.cars, int)[self.points]
-            points[self.node[k]] += at.contact[self.points]
-            rows[self.s[k]] -= at.drive[self.points]
-            rows[self.swing] += at.swing[self.of_swing]
-            self.loads[0, :-1] = at.normal[self.points]
+            forces = forces_on_cars(cars, self.slopes_and_motion_at_cars(x))
+            k = np.array(self.cars, int)[self.points]
+            points[self.node[k]] += forces.contact[self.points]
+            rows[self.s[k]] -= forces.drive[self.points]
+            rows[self.swing] += forces.swing[self.of_swing]
+            self.loads[0, :-1] = forces.normal[self.points]
         self.loads[0, -1] = fields.N.min()
 
     def _add_support_rows(self, rows: Array, x: Coordinates) -> None:
@@ -168,14 +182,16 @@ class LineBalance(LineCoordinates):
 
     def _counterweight_mass_and_sign(self, end: int, force: float) -> tuple[float, float]:
         """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
-        return force / self.line.gravity * (1.0 + force / self.line.rope.EA), 1.0 if end else -1.0
+        mass = force / self.line.gravity * (1.0 + force / self.line.rope.EA)
+        return mass, 1.0 if end else -1.0
 
     def counterweight_row(self, end: int, ds: Array, dds: Array) -> Array:
         """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds, at end 0 or -1.
 
         ds, dds : rates of s there; the rope that passes takes the energy of its weight and its motion along.
         """
-        contact, EA = self.line.supports[end], self.line.rope.EA
+        contact = self.line.supports[end]
+        EA = self.line.rope.EA
         force = contact.force or 0.0
         mass, sign = self._counterweight_mass_and_sign(end, force)
         N = force + sign * mass * dds
@@ -183,40 +199,39 @@ class LineBalance(LineCoordinates):
         entering = self.line.weight_per_length * contact.point[1] - 0.5 * self.segments.rho * speed**2
         return sign * (N + N**2 / (2.0 * EA) + entering)
 
-    def slopes_and_motion_at_cars(self, x: Coordinates, motion: Motion) -> Array:
+    def slopes_and_motion_at_cars(self, x: Coordinates) -> Array:
         """Slopes beside each car, its v and a, F/M and the swing (cars, INPUTS), for `bodies.forces_on_cars`."""
         out = np.zeros((len(self.cars), INPUTS))
         if self.cars:
-            left, right = self.segments.slopes_at_ends(motion)
             k = np.array(self.cars)
+            motion = self.segment_motion(x)
+            left, right = self.segments.slopes_at_ends(motion)
             out[:, 0:2] = right[k - 1]
             out[:, 2:4] = left[k]
             out[:, 4:6] = motion.v[k, 0]
             out[:, 6:8] = motion.a[k, 0]
             out[self.of_force, 8] = x.a[self.force]
-            out[self.of_swing, 9:12] = np.stack([z[self.swing] for z in x], axis=1)
+            out[self.of_swing, 9] = x.q[self.swing]
+            out[self.of_swing, 10] = x.v[self.swing]
+            out[self.of_swing, 11] = x.a[self.swing]
         return out
 
     def car_loads_and_masses(self, t: Array | float, phase: int) -> CarLoadsAndMasses:
         """At the time or at times t (n,); thrust and hold are (n, cars) then, if a car rolls freely."""
-        if self._steady is not None:
-            return self._steady
-        cars, line = self.line.cars_on_rope, self.line
-        thrust = released = np.zeros(len(cars))
-        if self._rolls:
-            times = np.ravel(t).tolist()
-            thrust, released = np.empty((2, *np.shape(t), len(cars)))
-            for i, car in enumerate(cars):
-                thrust[..., i] = np.reshape([line.thrust(car, at, phase) for at in times], np.shape(t))
-                released[..., i] = np.reshape([car.drive.remaining_hold_fraction(at) for at in times], np.shape(t))
-        k, wind, friction = self._air
-        lever, arm, inertia, resistance = self._swings
-        out = CarLoadsAndMasses(
-            self._masses, k, wind, friction, thrust, self.brakes, self.hold * released, self.signs, lever, arm,
-            inertia, resistance, line.gravity, self.rear_brakes,
-        )  # fmt: skip
-        self._steady = None if self._rolls else out
-        return out
+        if self._steady_cars is not None:
+            return self._steady_cars
+        cars = self._unloaded_cars._replace(brake=self.brakes, rear_brake=self.rear_brakes, sign=self.signs)
+        if not self._rolls:
+            self._steady_cars = cars
+            return cars
+        times = np.ravel(t).tolist()
+        thrust = np.empty((len(times), len(self.cars)))
+        held = np.empty(thrust.shape)
+        for i, car in enumerate(self.line.cars):
+            thrust[:, i] = [self.line.thrust(car, at, phase) for at in times]
+            held[:, i] = [car.drive.remaining_hold_fraction(at) for at in times]
+        shape = (*np.shape(t), len(self.cars))
+        return cars._replace(thrust=thrust.reshape(shape), hold=(self.hold * held).reshape(shape))
 
     # --- tangent ---------------------------------------------------------------------------------------------
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
@@ -246,20 +261,14 @@ class LineBalance(LineCoordinates):
         self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: NDArray[np.bool_]
     ) -> Solve:
         """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free coordinates; without c2 forces F/M count once."""
-        law, cars = rope_and_cars
-        rope_rows = self._rope_rows_noting_loads(x, law, cars) if self.trolleys else np.empty(0)
+        rope_rows = self._rope_rows_noting_loads(x, *rope_and_cars) if self.trolleys else np.empty(0)
         if not self.compiled:
             return self._sparse_tangent_solver(x, rope_and_cars, c, free, rope_rows)
-        factors = np.array([*c, c[2] or 1.0])
-        matrix = BandMatrix(2 * self.n, self.band, self.size - 2 * self.n)
-        self._kernel.add_tangent(x, law, cars, factors.real, matrix)
-        if np.iscomplexobj(factors):  # real loops twice: compiled once
-            other = BandMatrix(2 * self.n, self.band, self.size - 2 * self.n)
-            self._kernel.add_tangent(x, law, cars, factors.imag, other)
-            matrix.add_imaginary_part(other)
-        self._add_contact_tangents(matrix, x, rope_rows, cars, c)
+        matrix = self._rope_and_car_band(x, rope_and_cars, c)
+        self._add_contact_tangents(matrix, x, rope_rows, rope_and_cars.cars, c)
         matrix.fix_unknowns_at_zero(np.flatnonzero(np.logical_not(free)))
-        solve_all, unknown = matrix.factorise_in_place(), np.flatnonzero(free)
+        solve_all = matrix.factorise_in_place()
+        unknown = np.flatnonzero(free)
 
         def solve(b: Array) -> Array:
             full = np.zeros(free.size, b.dtype)
@@ -268,34 +277,43 @@ class LineBalance(LineCoordinates):
 
         return solve
 
+    def _rope_and_car_band(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors) -> BandMatrix:
+        """The tangent of segments and of cars on one contact; complex factors by two real ones, compiled once."""
+        factors = np.array([*c, c[2] or 1.0])
+        matrix = BandMatrix(2 * self.n, self.band, self.size - 2 * self.n)
+        self._kernel.add_tangent(x, *rope_and_cars, factors.real, matrix)
+        if np.iscomplexobj(factors):
+            other = BandMatrix(2 * self.n, self.band, self.size - 2 * self.n)
+            self._kernel.add_tangent(x, *rope_and_cars, factors.imag, other)
+            matrix.add_imaginary_part(other)
+        return matrix
+
     def _sparse_tangent_solver(
         self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: NDArray[np.bool_], rope_rows: Array
     ) -> Solve:
         """`tangent_solver` by numpy and a sparse factorisation."""
         law, cars = rope_and_cars
-        m = self.segment_motion(x)
-        parts = self.segments.tangent(m, Law(*law), c)
-        own = (2 * self.nodes[..., None] + np.arange(2)).reshape(len(self.nodes), -1)
-        slots = np.column_stack([own, self.s[:-1], self.s[1:]])  # (K, m)
-        matrix = np.zeros((self.size, self.size), parts.dtype)
-        np.add.at(matrix, (slots[:, :, None], slots[:, None, :]), parts)
+        of_segments = self.segments.tangent(self.segment_motion(x), Law(*law), c)
+        of_nodes = 2 * self.nodes[..., None] + np.arange(2)  # (K, nn, 2)
+        slots = np.column_stack([of_nodes.reshape(len(self.nodes), -1), self.s[:-1], self.s[1:]])  # (K, m)
+        matrix = DenseMatrix(np.zeros((self.size, self.size), of_segments.dtype))
+        np.add.at(matrix.matrix, (slots[:, :, None], slots[:, None, :]), of_segments)
         if self.points:
-            self._add_car_tangent(
-                DenseMatrix(matrix), car_force_jacobian(cars, self.slopes_and_motion_at_cars(x, m)), m, c
-            )
-        self._add_contact_tangents(DenseMatrix(matrix), x, rope_rows, cars, c)
-        return splu(csc_array(matrix[free][:, free])).solve
+            self._add_car_tangent(matrix, x, cars, c)
+        self._add_contact_tangents(matrix, x, rope_rows, cars, c)
+        return splu(csc_array(matrix.matrix[free][:, free])).solve
 
     def _add_contact_tangents(
         self, matrix: Matrix, x: Coordinates, rope_rows: Array, cars: CarLoadsAndMasses, c: TangentFactors
     ) -> None:
         """Add supports, cars on two wheels, and the rows that determine F."""
         for slot, value in self._support_tangent_diagonal(x, c):
-            matrix.add_block([slot], [slot], np.array([[value]]))
+            matrix.add_entry(slot, slot, value)
         for trolley in self.trolleys:
             trolley.add_tangent(matrix, x, rope_rows[trolley.points.ravel()], cars, c)
         for slot, rail in self.rails:
-            matrix.tie_unknown_to_previous(slot + 1, rail.depth_with_derivatives(x.q[slot])[1])
+            slope = rail.depth_with_derivatives(x.q[slot])[1]
+            matrix.tie_unknown_to_previous(slot + 1, slope)
         for car in self.off_rope.values():
             car.add_tangent(matrix, x.q, c)
         for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):
@@ -303,33 +321,51 @@ class LineBalance(LineCoordinates):
 
     def _support_tangent_diagonal(self, x: Coordinates, c: TangentFactors) -> Iterator[tuple[int, complex]]:
         """Diagonal entries of springs and counterweights."""
-        (c0, c1, c2), EA, rho = c, self.line.rope.EA, self.segments.rho
+        c0, c1, c2 = c
+        EA = self.line.rope.EA
+        rho = self.segments.rho
         for slots, stiffnesses, _ in self._springs:
             for slot, stiffness in zip(slots.tolist(), stiffnesses.tolist(), strict=True):
                 yield slot, stiffness * c0
         for slot, k in self._weights:
             force = self.line.supports[k].force or 0.0
             mass, sign = self._counterweight_mass_and_sign(k, force)
-            ds, lam = x.v[slot], 1.0 + (force + sign * mass * x.a[slot]) / EA
-            yield slot, mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
+            ds = x.v[slot]
+            lam = 1.0 + (force + sign * mass * x.a[slot]) / EA
+            by_dds = mass * (lam - rho * ds**2 * lam / EA)
+            by_ds = sign * rho * ds * lam**2
+            yield slot, by_dds * c2 - by_ds * c1
 
-    def _add_car_tangent(self, matrix: DenseMatrix, car_jacobian: Array, motion: Motion, c: TangentFactors) -> None:
-        """Add the chain of `car_force_jacobian` (n, 4, INPUTS) and of the inputs by the coordinates."""
-        (c0, c1, c2), slopes = c, self.segments.slopes_at_ends(motion)
+    def _add_car_tangent(self, matrix: DenseMatrix, x: Coordinates, cars: CarLoadsAndMasses, c: TangentFactors) -> None:
+        """Add the chain of `car_force_jacobian` (n, 4, INPUTS) and of its inputs by the coordinates."""
+        jacobian = car_force_jacobian(cars, self.slopes_and_motion_at_cars(x))
         for i in self.points:
             k = self.cars[i]
-            inputs = np.zeros((INPUTS, self.size), matrix.dtype)
-            point = 2 * self.node[k] + np.arange(2)
-            for side in range(2):  # behind, ahead
-                j, end = k - 1 + side, 1 - side
-                for axis in range(2):
-                    row = inputs[2 * side + axis]
-                    row[2 * self.nodes[j] + axis] = c0 / motion.h[j, 0] * self.segments.end_slopes[end]
-                    row[self.s[[j, j + 1]]] += c0 / motion.h[j, 0] * slopes[end, j, axis] * np.array([1.0, -1.0])
-            inputs[[4, 5], point], inputs[[6, 7], point] = c1, c2
-            inputs[8, self.force[self.of_force == i]] = c2 or 1.0
             swing = self.swing[np.equal(self.of_swing, i)]
-            for row, factor in zip(inputs[9:], c, strict=True):
-                row[swing] = factor
-            rows = [*point, self.s[k], *swing]
-            matrix.matrix[rows] += car_jacobian[i, : len(rows)] @ inputs
+            slots = [*(2 * self.node[k] + np.arange(2)), self.s[k], *swing]
+            by_coordinates = self._car_inputs_by_coordinates(i, x, c, matrix.dtype)
+            matrix.matrix[slots] += jacobian[i, : len(slots)] @ by_coordinates
+
+    def _car_inputs_by_coordinates(self, i: int, x: Coordinates, c: TangentFactors, dtype: Any) -> Array:
+        """Derivatives (INPUTS, size) of slopes and motion of car i by all coordinates, times the factors c."""
+        c0, c1, c2 = c
+        k = self.cars[i]
+        motion = self.segment_motion(x)
+        slopes = self.segments.slopes_at_ends(motion)
+        out = np.zeros((INPUTS, self.size), dtype)
+        for side in range(2):  # behind, ahead
+            j = k - 1 + side
+            end = 1 - side
+            per_h = c0 / motion.h[j, 0]
+            for axis in range(2):
+                row = out[2 * side + axis]
+                row[2 * self.nodes[j] + axis] = per_h * self.segments.end_slopes[end]
+                row[self.s[[j, j + 1]]] += per_h * slopes[end, j, axis] * np.array([1.0, -1.0])
+        point = 2 * self.node[k] + np.arange(2)
+        out[[4, 5], point] = c1
+        out[[6, 7], point] = c2
+        out[8, self.force[self.of_force == i]] = c2 or 1.0
+        swing = self.swing[np.equal(self.of_swing, i)]
+        for row, factor in zip(out[9:], c, strict=True):
+            row[swing] = factor
+        return out

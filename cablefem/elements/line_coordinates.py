@@ -42,8 +42,7 @@ class LineCoordinates(System):
         self.n = int(self.node[-1]) + 1
         self._number_slots()
         self._number_body_slots(int(self.s[-1]) + 1 + len(self.force))
-        hauled = [self.cars[i] for i in self.of_force]
-        self.force_rows = np.array([self.travel_slot(k) for k in hauled], int)  # rows that determine F
+        self.force_rows = np.array([self.slot_set_by_travel(i) for i in self.of_force], int)  # rows that determine F
         self._set_rails_and_cars_off_rope()
         self._set_prescribed_coordinates()
         self._prescribed_cache: dict[tuple[float, int], Array] = {}
@@ -95,12 +94,16 @@ class LineCoordinates(System):
             if car.rail is not None
         }
 
-    def travel_slot(self, k: int) -> int:
-        """Slot that the travel of the car at contact k prescribes."""
-        i = self.cars.index(k)
-        if self.line.cars_on_rope[i].drive_kind != "haul_x":
-            return int(self.s[k])
-        return next((int(x.body[0]) for x in self.trolleys if x.i == i), 2 * int(self.node[k]))
+    def slot_set_by_travel(self, i: int) -> int:
+        """Slot that the travel of car i prescribes: s, or x of a car hauled in x."""
+        if self.line.cars[i].drive_kind != "haul_x":
+            return self.slot_of_s(i)
+        trolley_slots = {trolley.i: int(trolley.body[0]) for trolley in self.trolleys}
+        return trolley_slots.get(i, 2 * int(self.node[self.cars[i]]))
+
+    def slot_of_s(self, i: int) -> int:
+        """Slot of s of car i; of two wheels that of the front one."""
+        return int(self.s[self.cars[i]])
 
     def _set_prescribed_coordinates(self) -> None:
         """Set which coordinates are free, constants of the others, and the slots that travels prescribe."""
@@ -115,10 +118,11 @@ class LineCoordinates(System):
                 self.free[point] = False
             elif contact.rail is not None:
                 self.free[point[1]] = False
-        for k, car in zip(self.cars, self.line.cars_on_rope, strict=True):
+        for i, car in enumerate(self.line.cars):
             if car.travel is not None:
-                self.free[self.travel_slot(k)] = False
-                self.prescribed.append((car, self.travel_slot(k)))
+                slot = self.slot_set_by_travel(i)
+                self.free[slot] = False
+                self.prescribed.append((car, slot))
 
     def _prescribe_support(self, k: int, support: Contact) -> None:
         point = 2 * self.node[k] + np.arange(2)
@@ -159,8 +163,12 @@ class LineCoordinates(System):
             z[..., x + 1] = rail.y_with_rates(z[..., x])
         return Coordinates(*z)
 
+    def node_points(self, values: Array) -> Array:
+        """x and y of all nodes, a view (n, 2) of coordinates, their rates or rows (size,)."""
+        return values[: 2 * self.n].reshape(-1, 2)
+
     def segment_motion(self, coordinates: Coordinates) -> Motion:
         """Motion of the segments at one instant; coordinates : (size,) each."""
-        nodal = [z[: 2 * self.n].reshape(-1, 2)[self.nodes] for z in coordinates]
+        nodal = [self.node_points(z)[self.nodes] for z in coordinates]
         ends = [np.stack([z[self.s[:-1]], z[self.s[1:]]], axis=1) for z in coordinates]
         return Motion(*nodal, *ends)

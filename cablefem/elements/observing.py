@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.forms import length_from_components, section_forces, strain, tension_stiffness_energy
+from cablefem.elements.forms import Section, length_from_components, section_forces, strain, tension_stiffness_energy
 from cablefem.newmark import Array
 from cablefem.response import Observation, States
 
@@ -27,12 +27,13 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     g = system.groups
     kinematics = system._mass_kinematics(states)
     s_o, ds, dds = kinematics.T
-    w, w_t, w_tt, *slopes = (x.T for x in system._cable_motion_at_mass(states, kinematics))
+    w, w_t, w_tt, w_s_behind, w_s_ahead = (x.T for x in system._cable_motion_at_mass(states, kinematics))
     position, slope, bend = (x.T for x in system.static_shape_and_derivatives(s_o))
     velocity = w_t + ds * slope
     acceleration = w_tt + dds * slope + ds**2 * bend
     force = system.inertia * acceleration - system.weight[:, None]
-    power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=0)
+    mean_slope = slope + 0.5 * (w_s_behind + w_s_ahead)
+    power = ds * np.sum(force * mean_slope, axis=0)
 
     mesh_kinematics = system._mesh_kinematics(kinematics).T
     cable = observe_cable(system, mesh_kinematics, states)
@@ -45,30 +46,44 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     static = np.stack([xp, yp])
     bend = np.stack([xpp, ypp])
     direction = system.direction.T
-    behind, ahead = (static + direction @ x for x in slopes)
-    ends = system._end_forces_with_mass(states, kinematics, cable.end_forces, force)
+    behind = static + direction @ w_s_behind
+    ahead = static + direction @ w_s_ahead
+    history = HistoryWithForces(states, kinematics, cable.end_forces, force)
+    history = history._replace(end_forces=system._end_forces_with_mass(history))
     if system.fields == 2:
-        at_mass, kink = _tensions_reactions_and_kink(system, ends, mesh_kinematics[1], (static, T, behind, ahead))
-        power += ds * kink
+        beside = _BesideMass(static, T, behind, ahead)
+        at_mass = _tensions_and_reactions(system, history.end_forces, mesh_kinematics[1], beside)
+        power += ds * _kink_force(system, beside)
     else:
-        at_mass = _chord_tensions_and_reactions(system, ends, cable.rise, T)
+        at_mass = _chord_tensions_and_reactions(system, history.end_forces, cable.rise, T)
     power -= lost
     for name, values in at_mass.items():
         if "behind" in name:  # at the left support there is no cable behind
             at_mass[name] = np.where(s_o > 0.0, values, np.nan)
     blocks = []
     for rows in _row_blocks(frames, s.size):
-        along = system._fields_at_stations(states, kinematics, ends, force, s, rows)
+        along = system._fields_at_stations(history, s, rows)
         blocks.append(_station_fields(system, along, s, cable.rise[rows]))
     return Observation(
-        path=(direction @ w).T, path_velocity=(direction @ w_t + ds * static).T,
+        path=(direction @ w).T,
+        path_velocity=(direction @ w_t + ds * static).T,
         path_acceleration=(direction @ w_tt + dds * static + ds**2 * bend).T,
-        slope_behind=behind.T, slope_ahead=ahead.T,
-        energy=kinetic + cable.strain + potential, power=power, kinetic=kinetic, strain=cable.strain,
-        potential=potential, tension_min=cable.tension_min, tension_min_at=cable.tension_min_at,
-        t=states.t, s_o=s_o, contact=-(direction @ force).T, powers=powers, **at_mass,
+        slope_behind=behind.T,
+        slope_ahead=ahead.T,
+        energy=kinetic + cable.strain + potential,
+        power=power,
+        kinetic=kinetic,
+        strain=cable.strain,
+        potential=potential,
+        tension_min=cable.tension_min,
+        tension_min_at=cable.tension_min_at,
+        t=states.t,
+        s_o=s_o,
+        contact=-(direction @ force).T,
+        powers=powers,
+        **at_mass,
         **_joined_blocks(blocks),
-    )  # fmt: skip
+    )
 
 
 def _row_blocks(rows: NDArray[np.intp], width: int) -> list[NDArray[np.intp]]:
@@ -90,6 +105,15 @@ class MotionAtMass(NamedTuple):
     acceleration: Array
     slope_behind: Array  # w'
     slope_ahead: Array
+
+
+class HistoryWithForces(NamedTuple):
+    """A history, n instants, and the forces that fields at stations follow from."""
+
+    states: States
+    mass_kinematics: Array  # (n, 3) s_o, ds_o, dds_o
+    end_forces: Array  # see `CableState`
+    contact_force: Array  # of the cable on the mass (fields, n)
 
 
 class CableState(NamedTuple):
@@ -119,7 +143,8 @@ def observe_cable(system: CableElements, mesh_kinematics: Array, states: States)
         q = np.ascontiguousarray(x[:, 0])
         v = np.ascontiguousarray(x[:, 1])
         kinetic = kinetic_energy(system, at, q, v)
-        parts.append((kinetic, *strain_state(system, at, q), _multiply(columns, x)))
+        strained = strain_state(system, at, q)
+        parts.append((kinetic, *strained, _multiply(columns, x)))
     kinetic, *arrays, moments = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
     strained = StrainState(*arrays)
     of_sides = moments.reshape(-1, 4, *moments.shape[1:])
@@ -266,58 +291,72 @@ def _station_fields(system: CableElements, along: StationFields, s: Array, rise:
     """Displacement, velocity and tension (k, m) at stations s (m,); rise : of the tension of one field (k,)."""
     g = system.groups
     direction = system.direction.T
-    w, rate, slope = (
-        x if system.fields == 2 else np.tensordot(direction, x, 1) for x in (along.w, along.rate, along.slope)
-    )  # (2, k, m)
-    fields = {"u": w[0], "v": w[1], "du": rate[0], "dv": rate[1]}
-    T, *static = g.tension_and_slope(s)
+    T, xp, yp = g.tension_and_shape_derivatives(s)[:3]
     if system.fields == 1:
-        fields["T"] = T + rise[:, None]
-        fields["T_pointwise"] = fields["T"]
-        return fields
-    X_s = np.array(static)[:, None]  # (2, 1, m)
-    r_s = X_s + slope
-    alpha = system._law[0]
-    fields["T"] = _tension_from_momentum(system, along.force_less_flux, along.c, (X_s, T, r_s))
-    fields["T_pointwise"] = tension_stiffness_energy(
-        strain(X_s, slope, length_from_components(r_s)), T, alpha, system._law[3]
-    )[0]
-    return fields
+        u, v = np.tensordot(direction, along.w, 1)  # (k, m) each
+        du, dv = np.tensordot(direction, along.rate, 1)
+        tension = T + rise[:, None]
+        return {"u": u, "v": v, "du": du, "dv": dv, "T": tension, "T_pointwise": tension}
+    X_s = np.array([xp, yp])[:, None]  # (2, 1, m)
+    r_s = X_s + along.slope
+    eps = strain(X_s, along.slope, length_from_components(r_s))
+    N, _, _ = tension_stiffness_energy(eps, T, system._law[0], system._law[3])
+    tension = _tension_from_momentum(system, along.force_less_flux, along.c, (X_s, T, r_s))
+    u, v = along.w
+    du, dv = along.rate
+    return {"u": u, "v": v, "du": du, "dv": dv, "T": tension, "T_pointwise": N}
 
 
-def _tensions_reactions_and_kink(
-    system: CableElements, end_forces: Array, mesh_speed: Array, at_mass: tuple[Array, ...]
-) -> tuple[dict[str, Any], Array]:  # fmt: skip
-    """Tensions at the mass and reactions of the full cable, and <N t> . [r'] - [W] of the kink.
+class _BesideMass(NamedTuple):
+    """The full cable beside the mass, n instants."""
 
-    mesh_speed : at the mass (n,);  at_mass : X' (2, n), T (n,), r' behind and ahead (2, n).
-    """
-    static, T, behind, ahead = at_mass
-    alpha = system._law[0]
-    law = system._law[3]
-    at_behind, at_ahead = (section_forces(static, T, slope - static, alpha, law) for slope in (behind, ahead))
-    mean = 0.5 * (at_behind.force + at_ahead.force) + T * static  # <N t>
-    kink = np.sum(mean * (ahead - behind), axis=0) - (at_ahead.energy - at_behind.energy)
-    T_ends, x_ends, y_ends = system.groups.tension_and_slope(np.array([0.0, 1.0]))
+    X_s: Array  # (2, n)
+    T: Array  # (n,)
+    behind: Array  # r' (2, n)
+    ahead: Array
+
+    def sections(self, system: CableElements) -> tuple[Section, Section]:
+        """Behind and ahead."""
+        alpha = system._law[0]
+        law = system._law[3]
+        behind = section_forces(self.X_s, self.T, self.behind - self.X_s, alpha, law)
+        return behind, section_forces(self.X_s, self.T, self.ahead - self.X_s, alpha, law)
+
+
+def _kink_force(system: CableElements, beside: _BesideMass) -> Array:
+    """<N t> . [r'] - [W] (n,), whose power the mass takes from the cable."""
+    behind, ahead = beside.sections(system)
+    mean = 0.5 * (behind.force + ahead.force) + beside.T * beside.X_s  # <N t>
+    return np.sum(mean * (beside.ahead - beside.behind), axis=0) - (ahead.energy - behind.energy)
+
+
+def _tensions_and_reactions(
+    system: CableElements, end_forces: Array, mesh_speed: Array, beside: _BesideMass
+) -> dict[str, Any]:
+    """Tensions at the mass and reactions of the full cable; mesh_speed : at the mass (n,)."""
+    X_s, T, behind, ahead = beside
+    at_behind, at_ahead = beside.sections(system)
+    T_ends, x_ends, y_ends = system.groups.tension_and_shape_derivatives(np.array([0.0, 1.0]))[:3]
     static_ends = np.stack([T_ends * x_ends, T_ends * y_ends])  # (2 fields, 2 ends)
     return {
-        "T_behind": _tension_from_momentum(system, end_forces[1], mesh_speed, (static, T, behind)),
-        "T_ahead": _tension_from_momentum(system, end_forces[2], mesh_speed, (static, T, ahead)),
+        "T_behind": _tension_from_momentum(system, end_forces[1], mesh_speed, (X_s, T, behind)),
+        "T_ahead": _tension_from_momentum(system, end_forces[2], mesh_speed, (X_s, T, ahead)),
         "T_behind_pointwise": at_behind.N,
         "T_ahead_pointwise": at_ahead.N,
         "reaction_left": -(end_forces[0] + static_ends[:, :1]).T,
         "reaction_right": (end_forces[3] + static_ends[:, 1:]).T,
-    }, kink
+    }
 
 
 def _chord_tensions_and_reactions(system: CableElements, end_forces: Array, rise: Array, T: Array) -> dict[str, Any]:
-    """The same for one field; its tension rises uniformly."""
+    """`_tensions_and_reactions` for one field; its tension rises uniformly."""
     g = system.groups
     T_chord, curvature = system._law[1:3]
     chord = np.array([g.chord_cos, g.chord_sin])
     along = (T_chord + rise)[:, None] * chord
-    left = along + (end_forces[0].T + 0.5 * T_chord * curvature) @ system.direction
-    right = along + (end_forces[3].T - 0.5 * T_chord * curvature) @ system.direction
+    across = 0.5 * T_chord * curvature
+    left = along + (end_forces[0].T + across) @ system.direction
+    right = along + (end_forces[3].T - across) @ system.direction
     at_mass = T + rise
     return {"T_behind": at_mass, "T_ahead": at_mass, "reaction_left": -left, "reaction_right": right}
 

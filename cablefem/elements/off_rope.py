@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cablefem.elements.bodies import INPUTS, CarLoadsAndMasses, ForcesOnCars, forces_on_cars, swing_constants
+from cablefem.elements.bodies import INPUTS, ForcesOnCars, forces_on_cars, masses_drag_and_friction, swing_constants
 from cablefem.elements.bordered import Matrix
 from cablefem.elements.segments import dot
 from cablefem.newmark import Array, TangentFactors
@@ -19,15 +19,14 @@ class CarOffRope:
 
     def __init__(self, line: MovingLine, car: Car, saddle: int, swing: int | None) -> None:
         assert car.rail is not None
-        self.line, self.car, self.rail = line, car, car.rail
-        self.saddle, self.swing = saddle, swing
+        self.line = line
+        self.car = car
+        self.rail = car.rail
+        self.saddle = saddle
+        self.swing = swing
         self.grips = car.drive_kind == "grip"
-        none = np.zeros(1)
-        self.lever, arm, self.inertia, self.resistance = swing_constants(car, line.gravity)
-        self.loads_and_masses = CarLoadsAndMasses(
-            none + car.mass, none + car.drive.k, none + car.drive.wind, none, none, none, none, none,
-            none + self.lever, none + arm, none + self.inertia, none + self.resistance, line.gravity, none,
-        )  # fmt: skip
+        self.data = masses_drag_and_friction([car], line.gravity)
+        self.lever, _, self.inertia, self.resistance = swing_constants(car, line.gravity)
 
     def points_with_rates(self, t: Array, z: Array, phase: int) -> Array:
         """Its points with their rates (n, 3, 2) at the times t (n,), from coordinates with rates z (3, n, size)."""
@@ -36,13 +35,14 @@ class CarOffRope:
 
     def forces(self, points: Array, z: Array) -> ForcesOnCars:
         """Forces (n, 1), of which `contact` is what rail and drive take; z : coordinates with rates (3, n, size)."""
-        inputs = np.zeros((len(points), 1, INPUTS))
-        inputs[:, 0, 0] = inputs[:, 0, 2] = 1.0  # the rail in the place of the rope
-        inputs[:, 0, 1] = inputs[:, 0, 3] = self.rail.depth_with_derivatives(points[:, 0, 0])[1]
-        inputs[:, 0, 4:8] = points[:, 1:].reshape(-1, 4)
+        slope = self.rail.depth_with_derivatives(points[:, 0, 0])[1]
+        y = np.zeros((len(points), 1, INPUTS))
+        y[:, 0, [0, 2]] = 1.0  # the rail in the place of the rope
+        y[:, 0, [1, 3]] = slope[:, None]
+        y[:, 0, 4:8] = points[:, 1:].reshape(-1, 4)
         if self.swing is not None:
-            inputs[:, 0, 9:12] = z[..., self.swing].T
-        return forces_on_cars(self.loads_and_masses, inputs)
+            y[:, 0, 9:12] = z[..., self.swing].T
+        return forces_on_cars(self.data, y)
 
     def add_rows(self, rows: Array, t: Array, z: Array, phase: int) -> None:
         """Add to rows (n, size) at the times t (n,)."""
@@ -57,22 +57,23 @@ class CarOffRope:
     def add_tangent(self, matrix: Matrix, q: Array, c: TangentFactors) -> None:
         """Add c0 d/dq + c1 d/dv + c2 d/da at coordinates q (size,); drag and motion of the point change little."""
         c0, c1, c2 = c
-        saddle, stretch = [self.saddle], self.rail.stretch
+        stretch = self.rail.stretch
         if self.grips:
-            matrix.add_block(saddle, saddle, np.array([[self.car.mass * stretch**2 * c2]]))
+            matrix.add_entry(self.saddle, self.saddle, self.car.mass * stretch**2 * c2)
         if self.swing is None:
             return
         angle = q[self.swing]
         stiffness = self.lever * self.line.gravity * np.cos(angle)
-        of_swing = stiffness * c0 + self.resistance * c1 + self.inertia * c2
-        matrix.add_block([self.swing], [self.swing], np.array([[of_swing]]))
+        matrix.add_entry(self.swing, self.swing, stiffness * c0 + self.resistance * c1 + self.inertia * c2)
         if self.grips:
-            slope = self.rail.depth_with_derivatives(0.5 * (self.rail.begin.x + self.rail.end.x))[1]
+            middle = 0.5 * (self.rail.begin.x + self.rail.end.x)
+            slope = self.rail.depth_with_derivatives(middle)[1]
             along = (np.cos(angle) - slope * np.sin(angle)) / np.hypot(1.0, slope)  # of a turn forward
-            coupling = np.array([[-self.lever * stretch * along * c2]])
-            matrix.add_block([self.swing], saddle, coupling)
-            matrix.add_block(saddle, [self.swing], coupling)
+            coupling = -self.lever * stretch * along * c2
+            matrix.add_entry(self.swing, self.saddle, coupling)
+            matrix.add_entry(self.saddle, self.swing, coupling)
 
     def swing_rate_jump(self, angle: Array, dv: Array) -> Array:
         """Jump of dphi/dt where the velocity of the point jumps by dv (2,)."""
-        return -self.lever * (dv[0] * np.cos(angle) - dv[1] * np.sin(angle)) / self.inertia
+        forward = dv[0] * np.cos(angle) - dv[1] * np.sin(angle)
+        return -self.lever * forward / self.inertia

@@ -21,36 +21,36 @@ EXACT = 1e-10  # last step over the reach
 
 
 def coordinates_at_rest(
-    system: LineBalance, t: float, phase: int, ahead: float = 0.0, start: Array | None = None
+    system: LineBalance, t: float, phase: int, time_shift: float = 0.0, guess: Array | None = None
 ) -> Array:
     """Coordinates (size,) at rest with the cars held where they are at t, and F/M of hauled cars.
 
-    ahead : [s] moves prescribed cars on by their velocity.  start : a state nearby to begin from.
+    time_shift : [s] moves prescribed cars on by their velocity.  guess : coordinates at rest to begin from.
     Raises StepFailure where no state of rest was found.
     """
     prescribed = system.prescribed_coordinates(t, phase)
     free = system.free.copy()
-    q = prescribed.q + ahead * prescribed.v
-    for i, k in enumerate(system.cars):
-        if system.line.cars_on_rope[i].drive_kind == "free":
-            free[system.s[k]] = False
-            q[system.s[k]] = system.line.cars_on_rope[i].drive.start
-    if start is not None:
-        q[free] = start[free]
-        return _solve_rest_by_newton(system, t, phase, q, free, None, EXACT)
+    q = prescribed.q + time_shift * prescribed.v
+    for i, car in enumerate(system.line.cars):
+        if car.drive_kind == "free":
+            free[system.slot_of_s(i)] = False
+            q[system.slot_of_s(i)] = car.drive.start
+    if guess is not None:
+        q[free] = guess[free]
+        return _solve_rest_by_newton(system, t, phase, q, free, system.law, EXACT)
     N = _set_guess_and_return_tensions(system, q, free)
     rough = 1e-3  # last step over the reach, of a soft rope
-    for stage in range(SOFTENING + 1):
-        last = stage == SOFTENING
-        law = None if last else _soft_law(system, N, stage / SOFTENING)
-        q = _solve_rest_by_newton(system, t, phase, q, free, law, EXACT if last else rough)
-    return q
+    for stage in range(SOFTENING):
+        law = _soft_law(system, N, stage / SOFTENING)
+        q = _solve_rest_by_newton(system, t, phase, q, free, law, rough)
+    return _solve_rest_by_newton(system, t, phase, q, free, system.law, EXACT)
 
 
-def coordinates_with_forces_and_zero_rates(system: LineBalance, q: Array) -> Coordinates:
+def resting_coordinates_with_forces(system: LineBalance, q: Array) -> Coordinates:
     """All coordinates at rest at q (size,); F/M acts as the acceleration of its slot."""
     z = np.zeros((3, system.size))
-    z[0], z[2, system.force] = q, q[system.force]
+    z[0] = q
+    z[2, system.force] = q[system.force]
     return system.fill_dependent_coordinates(z)
 
 
@@ -65,20 +65,22 @@ def car_loads_and_masses_at_rest(system: LineBalance, t: float, phase: int) -> C
 
 
 def _solve_rest_by_newton(
-    system: LineBalance, t: float, phase: int, q: Array, free: NDArray[np.bool_], law: Array | None, tolerance: float
+    system: LineBalance, t: float, phase: int, q: Array, free: NDArray[np.bool_], law: Array, tolerance: float
 ) -> Array:
-    """Coordinates at rest, from q near them, with this law of the rope (None: its own).
+    """Coordinates at rest, from q near them, with this law of the rope.
 
     tolerance : of the last step, over the reach of the line.  Raises StepFailure if it is not met.
     """
     points = np.array([c.point for c in system.line.supports])
-    reach, bound = float(np.ptp(points[:, 0])), system.force_floor * np.sqrt(system.n_dof)
-    rope_and_cars = RopeAndCars(system.law if law is None else law, car_loads_and_masses_at_rest(system, t, phase))
+    reach = float(np.ptp(points[:, 0]))
+    bound = system.force_floor * np.sqrt(system.n_dof)
+    rope_and_cars = RopeAndCars(law, car_loads_and_masses_at_rest(system, t, phase))
     moving = free.copy()
     moving[system.force] = False
 
     def rows(q: Array) -> Array:
-        return system.balance_rows(t, coordinates_with_forces_and_zero_rates(system, q), phase, rope_and_cars)[free]
+        x = resting_coordinates_with_forces(system, q)
+        return system.balance_rows(t, x, phase, rope_and_cars)[free]
 
     def damped_step(q: Array, step: Array, before: float) -> tuple[Array, Array, float]:
         """q and its rows after the fraction of a step that makes the rows smaller, and that fraction."""
@@ -95,9 +97,8 @@ def _solve_rest_by_newton(
 
     r = rows(q)
     for _ in range(60):  # of a stage
-        solve = system.tangent_solver(
-            coordinates_with_forces_and_zero_rates(system, q), rope_and_cars, (1.0, 0.0, 0.0), free
-        )
+        x = resting_coordinates_with_forces(system, q)
+        solve = system.tangent_solver(x, rope_and_cars, (1.0, 0.0, 0.0), free)
         step = np.zeros(system.size)
         step[free] = solve(r)
         q, r, fraction = damped_step(q, step, float(np.linalg.norm(r)))
@@ -110,13 +111,15 @@ def _solve_rest_by_newton(
 
 def _soft_law(system: LineBalance, N: Array, fraction: float) -> Array:
     """The law (3, K, G) N = N_ref + EA_soft (lam - lam_ref), which keeps the length of a rope under N_ref (K,)."""
-    law, N_ref = Law(*system.law), N[:, None]
+    law = Law(*system.law)
+    N_ref = N[:, None]
     softest = 5.0  # first EA over the tension
     soft = np.minimum(law.EA, softest * N_ref)
     EA = law.EA**fraction * soft ** (1.0 - fraction)
     more = N_ref / law.EA
     N_r = N_ref - EA * more
-    return np.array([EA, N_r, (0.5 * (law.EA - EA) * more - N_r) * more])
+    W_r = (0.5 * (law.EA - EA) * more - N_r) * more
+    return np.array([EA, N_r, W_r])
 
 
 def _set_guess_and_return_tensions(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> Array:
@@ -124,16 +127,17 @@ def _set_guess_and_return_tensions(system: LineBalance, q: Array, free: NDArray[
     guess = _guess_contacts(system, q, free)
     s = np.where(free[system.s], guess.s, q[system.s])
     q[system.s] = s
-    run = np.diff(guess.points, axis=0)
-    sag = system.line.weight_per_length * np.diff(s) * run[:, 0] / (8.0 * guess.H)
+    dx, dy = np.diff(guess.points, axis=0).T
+    sag = system.line.weight_per_length * np.diff(s) * dx / (8.0 * guess.H)
     nodal = _nodes_on_parabolas(system, guess.points, sag)
     for trolley in system.trolleys:
         rear, front = guess.points[[trolley.k - 1, trolley.k]]
-        pitch = np.arctan2(*(front - rear)[::-1])
-        q[trolley.body] = np.where(free[trolley.body], [*front, pitch], q[trolley.body])
+        base_x, base_y = front - rear
+        body = [*front, np.arctan2(base_y, base_x)]
+        q[trolley.body] = np.where(free[trolley.body], body, q[trolley.body])
     coordinates = np.flatnonzero(free[: 2 * system.n])
     q[coordinates] = nodal.ravel()[coordinates]
-    return guess.H * np.hypot(run[:, 0], run[:, 1]) / run[:, 0]
+    return guess.H * np.hypot(dx, dy) / dx
 
 
 def _guess_contacts(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> Start:
@@ -149,8 +153,9 @@ def _guess_contacts(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> S
         guess = _guess_or_raise(case, line)
         moved = np.zeros_like(x)
         for k in system.cars:
-            if not free[system.s[k]]:
-                moved[k] = q[system.s[k]] - guess.s[k]
+            slot = system.s[k]
+            if not free[slot]:
+                moved[k] = q[slot] - guess.s[k]
         for trolley in system.trolleys:
             moved[trolley.k - 1] = moved[trolley.k]
         x = _order_cars_in_spans(system, x + moved)
@@ -167,13 +172,13 @@ def _guess_or_raise(case: Case, line: MovingLine) -> Start:
 
 def _nodes_on_parabolas(system: LineBalance, points: Array, sag: Array) -> Array:
     """Nodes (n, 2) on parabolas between the contacts; sag (K,) in the middle of each segment."""
-    run = np.diff(points, axis=0)
-    at = np.linspace(0.0, 1.0, system.segments.elements + 1)
+    chord = np.diff(points, axis=0)
+    xi = np.linspace(0.0, 1.0, system.segments.elements + 1)
     nodal = np.zeros((system.n, 2))
     for k, nodes in enumerate(system.nodes):
         ends = nodes[:: system.segments.degree]
-        nodal[ends] = points[k] + at[:, None] * run[k]
-        nodal[ends, 1] += 4.0 * sag[k] * at * (1.0 - at)
+        nodal[ends] = points[k] + xi[:, None] * chord[k]
+        nodal[ends, 1] += 4.0 * sag[k] * xi * (1.0 - xi)
         if system.segments.degree == 2:
             nodal[nodes[1::2]] = 0.5 * (nodal[nodes[:-1:2]] + nodal[nodes[2::2]])
     return nodal
@@ -193,16 +198,15 @@ def _guess_contact_x(system: LineBalance, q: Array) -> Array:
     """Guessed x (contacts,), with cars of prescribed s in q at that length along the chords of the supports."""
     line = system.line
     points = np.array([c.point for c in line.supports])
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    chords = np.hypot(*np.diff(points, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(chords)])
     begin = 0.0
     if line.supports[0].kind == "counterweight":
         begin = (line.rope.length or 0.0) - along[-1]
     x = np.array([c.point[0] if isinstance(c, Contact) else 0.0 for c in line.contacts_and_wheels])
-    for k, car in zip(system.cars, line.cars_on_rope, strict=True):
-        if car.drive_kind == "haul_x":
-            x[k] = q[system.travel_slot(k)]
-        else:
-            x[k] = np.interp(q[system.s[k]] - begin, along, points[:, 0])
+    for i, car in enumerate(line.cars):
+        at = q[system.slot_set_by_travel(i)]
+        x[system.cars[i]] = at if car.drive_kind == "haul_x" else np.interp(at - begin, along, points[:, 0])
     for trolley in system.trolleys:
         x[trolley.k - 1] = x[trolley.k] - trolley.wheels.base
     return _order_cars_in_spans(system, x)

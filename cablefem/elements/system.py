@@ -39,7 +39,8 @@ class LineElements(LineBalance):
 
     def _set_event_watchers(self) -> None:
         """Set what the events watch."""
-        line, contacts = self.line, self.line.contacts_and_wheels
+        line = self.line
+        contacts = self.line.contacts_and_wheels
         self.passages = possible_passages(line)
         self._gaps = [k for k in range(len(contacts) - 1) if self._may_meet(contacts[k], contacts[k + 1])]
         free = [(i, car.drive) for i, car in enumerate(line.cars_on_rope) if car.drive_kind == "free"]
@@ -50,8 +51,9 @@ class LineElements(LineBalance):
 
     def _event_names(self) -> list[str]:
         """In the order of `event_values`."""
-        line, contacts = self.line, self.line.contacts_and_wheels
-        stopping = [line.cars_on_rope[i].name for i in self._stops]
+        line = self.line
+        contacts = self.line.contacts_and_wheels
+        stopping = [line.cars[i].name for i in self._stops]
         names = [meeting_event_name(contacts[k], contacts[k + 1]) for k in self._gaps]
         names += [f"{name} stops" for name in stopping]
         names += [f"{line.cars_on_rope[i].name} brakes" for i, _ in self._brakes]
@@ -78,58 +80,61 @@ class LineElements(LineBalance):
         from cablefem.elements.rest import (
             car_loads_and_masses_at_rest,
             coordinates_at_rest,
-            coordinates_with_forces_and_zero_rates,
+            resting_coordinates_with_forces,
         )
 
-        q, v = coordinates_at_rest(self, t, phase), np.zeros(self.size)
+        q = coordinates_at_rest(self, t, phase)
+        v = np.zeros(self.size)
         if self.prescribed_coordinates(t, phase).v.any():
-            before, after = (coordinates_at_rest(self, t, phase, shift, q) for shift in (-SHIFT, SHIFT))
+            before = coordinates_at_rest(self, t, phase, -SHIFT, q)
+            after = coordinates_at_rest(self, t, phase, SHIFT, q)
             v = (after - before) / (2.0 * SHIFT)
+        at_rest = resting_coordinates_with_forces(self, q)
         if self.cars:
-            self._release_free_cars(
-                t, phase, coordinates_with_forces_and_zero_rates(self, q), car_loads_and_masses_at_rest(self, t, phase)
-            )
-        rows = self.balance_rows(t, coordinates_with_forces_and_zero_rates(self, q), phase)
+            self._release_free_cars(t, phase, at_rest, car_loads_and_masses_at_rest(self, t, phase))
+        self._refuse_slack_rope(t, self.balance_rows(t, at_rest, phase))
+        q[self.force] = 0.0
+        v[self.force] = 0.0
+        return consistent_acceleration(self, t, q[self.free], v[self.free], phase)
+
+    def _refuse_slack_rope(self, t: float, rows: Array) -> None:
+        """Raise StepFailure where the rope at rest is slack or lifts off a saddle; rows : of the last balance."""
         slack, *pressures = self._min_tension_and_saddle_pressures(rows, self.loads[0])
         if min(slack, *pressures, 0.0) < 0.0:
             cause = f"at rest the smallest tension is {slack:.6g} N and the smallest pressure on a saddle"
             cause = f"{cause} {min(pressures, default=0.0):.6g} N"
             raise StepFailure(t, cause, "tighten the rope or lower its saddles")
-        for x in (q, v):
-            x[self.force] = 0.0
-        return consistent_acceleration(self, t, q[self.free], v[self.free], phase)
 
     def set_travel_directions(self, phase: int) -> None:
         """Set the directions of prescribed cars."""
-        self._steady = None
-        for i, car in enumerate(self.line.cars_on_rope):
+        self._steady_cars = None
+        for i, car in enumerate(self.line.cars):
             if car.travel:
                 self.signs[i] = self.line.travel_direction(car, phase)
 
     def _release_free_cars(self, t: float, phase: int, x: Coordinates, held: CarLoadsAndMasses) -> None:
         """Let free cars go; they must move against friction."""
-        self.hold[:] = 0.0
         slots = self.s[self.cars]
-        inputs = self.slopes_and_motion_at_cars(x, self.segment_motion(x))
-        stretch = forces_on_cars(held, inputs).stretch
+        y = self.slopes_and_motion_at_cars(x)
+        stretch = forces_on_cars(held, y).stretch
         self.hold = self.balance_rows(t, x, phase, RopeAndCars(self.law, held))[slots] / stretch
-        for i, car in enumerate(self.line.cars_on_rope):
-            if car.drive_kind == "free":
-                self._set_brakes(i, x.q[slots[i]])
+        free = [i for i, car in enumerate(self.line.cars) if car.drive_kind == "free"]
+        for i in free:
+            self._set_brakes(i, x.q[slots[i]])
         now = self.car_loads_and_masses(t, phase)
         rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, now))
         pressing = np.abs(self._pressing_forces(x, rows, self.loads[0], now))
         loads = np.bincount(self._pressing, pressing)
         none = np.zeros_like(now.hold)
-        free = now._replace(hold=none, brake=none, friction=none)
-        needed = self.balance_rows(t, x, phase, RopeAndCars(self.law, free))[slots] / stretch
-        projection = vector_length(inputs[:, 0:2] + inputs[:, 2:4]) / (2.0 * stretch)  # |<r'>|/<lam>
-        needed -= now.thrust * np.cos([car.drive.thrust_angle for car in self.line.cars_on_rope]) / projection
-        for i, car in enumerate(self.line.cars_on_rope):
-            if car.drive_kind != "free":
-                continue
+        frictionless = now._replace(hold=none, brake=none, friction=none)
+        needed = self.balance_rows(t, x, phase, RopeAndCars(self.law, frictionless))[slots] / stretch
+        projection = vector_length(y[:, 0:2] + y[:, 2:4]) / (2.0 * stretch)  # |<r'>|/<lam>
+        needed -= now.thrust * np.cos([car.drive.thrust_angle for car in self.line.cars]) / projection
+        for i in free:
             self.signs[i] = -np.sign(needed[i]) or 1.0
-            if car.drive.has_friction_or_brakes and abs(needed[i]) <= car.drive.mu_r * loads[i] + self.brakes[i]:
+            car = self.line.cars[i]
+            holding = car.drive.mu_r * loads[i] + self.brakes[i]
+            if car.drive.has_friction_or_brakes and abs(needed[i]) <= holding:
                 cause = f"friction or brakes hold {car.name} where it begins"
                 raise StepFailure(t, cause, "begin on steeper rope, or with less of both")
 
@@ -140,7 +145,7 @@ class LineElements(LineBalance):
             return
         z = self.coordinates_from_unknowns(*x)
         for i in self._stops:
-            slot = self.s[self.cars[i]]
+            slot = self.slot_of_s(i)
             self.signs[i] = np.sign(z.v[slot]) or self.signs[i]
             self._set_brakes(i, z.q[slot])
 
@@ -155,12 +160,13 @@ class LineElements(LineBalance):
 
     def _travel_unknown(self, i: int) -> int:
         """Number of s of the free car i among the unknowns."""
-        return int(np.searchsorted(self._unknown, self.s[self.cars[i]]))
+        return int(np.searchsorted(self._unknown, self.slot_of_s(i)))
 
     def _set_brakes(self, i: int, s: float) -> None:
         """Set the brakes of car i at s."""
-        drive = self.line.cars_on_rope[i].drive
-        self.brakes[i], self.rear_brakes[i] = drive.brake_force(s), drive.rear_brake_force(s)
+        drive = self.line.cars[i].drive
+        self.brakes[i] = drive.brake_force(s)
+        self.rear_brakes[i] = drive.rear_brake_force(s)
 
     def _stop_or_slip_on(self, i: int, x: State) -> State:
         """Car i sticks, or slips if friction and brakes cannot hold it."""
@@ -168,13 +174,16 @@ class LineElements(LineBalance):
         after = self._state_with_slip(i, x, 0.0)
         z = self.coordinates_from_unknowns(*after)
         rows = self.balance_rows(x.t, z, x.phase)
-        pressing = self._pressing_forces(z, rows, self.loads[0], self.car_loads_and_masses(x.t, x.phase))
-        return after if self._friction_margin(i, z, rows, pressing) > 0.0 else self._start_slipping(i, after)
+        cars = self.car_loads_and_masses(x.t, x.phase)
+        pressing = self._pressing_forces(z, rows, self.loads[0], cars)
+        holds = self._friction_margin(i, z, rows, pressing) > 0.0
+        return after if holds else self._start_slipping(i, after)
 
     def _start_slipping(self, i: int, x: State) -> State:
         """Car i, which sticks, slips against the force that has held it."""
         z = self.coordinates_from_unknowns(*x)
-        self.signs[i] = -np.sign(self._holding_force(i, z, self.balance_rows(x.t, z, x.phase))) or 1.0
+        held_by = self._holding_force(i, z, self.balance_rows(x.t, z, x.phase))
+        self.signs[i] = -np.sign(held_by) or 1.0
         return self._state_with_slip(i, x, self.signs[i] * 1e-12)  # a first slip arms the event of a standstill
 
     def _state_with_slip(self, i: int, x: State, ds: float) -> State:
@@ -185,16 +194,45 @@ class LineElements(LineBalance):
 
     def _holding_force(self, i: int, z: Coordinates, rows: Array) -> float:
         """Force [N] of friction and brakes along the rope that a car which sticks needs; of two wheels all of it."""
-        inputs = self.slopes_and_motion_at_cars(z, self.segment_motion(z))[i]
-        stretch = 0.5 * (vector_length(inputs[0:2]) + vector_length(inputs[2:4]))
-        return float(rows[self.s[self.cars[i]]] / stretch)
+        y = self.slopes_and_motion_at_cars(z)[i]
+        stretch = 0.5 * (vector_length(y[0:2]) + vector_length(y[2:4]))
+        return float(rows[self.slot_of_s(i)] / stretch)
 
     def _friction_margin(self, i: int, z: Coordinates, rows: Array, pressing: Sequence[float]) -> float:
         """Largest force [N] of friction and brakes less the one that holds car i."""
         load = sum(abs(load) for of, load in zip(self._pressing, pressing, strict=True) if of == i)
-        return float(self._air[2][i] * load + self.brakes[i] - abs(self._holding_force(i, z, rows)))
+        largest = self._unloaded_cars.friction[i] * load + self.brakes[i]
+        return float(largest - abs(self._holding_force(i, z, rows)))
 
     # --- events --------------------------------------------------------------------------------------------
+    def event_values(self, x: State) -> tuple[float, ...]:
+        z = self.coordinates_from_unknowns(*x)
+        gaps = np.diff(z.q[self.s])[self._gaps] - NEAREST
+        values = gaps.tolist()
+        if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
+            return (*values, *[np.inf] * (len(self.events) - gaps.size))
+        for i in self._stops:
+            ds = z.v[self.slot_of_s(i)]
+            values.append(np.inf if self._sticks(i) else float(ds * self.signs[i]))
+        for i, position in self._brakes:
+            values.append(position - float(z.q[self.slot_of_s(i)]))
+        values += self._loads_and_friction_margins(x, z)
+        for passage in self.passages:
+            point, velocity, _ = self.car_point_and_rates(passage.car, x).tolist()
+            values.append(passage.distance_to_go(point[0], velocity[0]))
+        return tuple(values)
+
+    def _loads_and_friction_margins(self, x: State, z: Coordinates) -> list[float]:
+        """Events' values of loads: contact forces, smallest tension, pressures on saddles, margins of sticking cars."""
+        if self._loaded[0] is not x:
+            rows, loads = self._rows_and_loads(x, z)
+            pressing = self._pressing_forces(z, rows, loads, self.car_loads_and_masses(x.t, x.phase))
+            values = pressing + self._min_tension_and_saddle_pressures(rows, loads)
+            for i in self._stops:
+                values.append(self._friction_margin(i, z, rows, pressing) if self._sticks(i) else np.inf)
+            self._loaded = x, values
+        return self._loaded[1]
+
     def _rows_and_loads(self, x: State, z: Coordinates) -> tuple[Array, Array]:
         """Rows, and loads with the smallest tension, of x; of the end of a step those of its residual."""
         last = self._last
@@ -202,26 +240,11 @@ class LineElements(LineBalance):
             return self.balance_rows(x.t, z, x.phase), self.loads[0]
         return last[2:]
 
-    def event_values(self, x: State) -> tuple[float, ...]:
-        z = self.coordinates_from_unknowns(*x)
-        gaps = np.diff(z.q[self.s])[self._gaps] - NEAREST
-        ahead = [np.inf if self._sticks(i) else float(z.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
-        ahead += [position - float(z.q[self.s[self.cars[i]]]) for i, position in self._brakes]
-        if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
-            return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
-        if self._loaded[0] is not x:
-            rows, loads = self._rows_and_loads(x, z)
-            pressing = self._pressing_forces(z, rows, loads, self.car_loads_and_masses(x.t, x.phase))
-            margins = [self._friction_margin(i, z, rows, pressing) if self._sticks(i) else np.inf for i in self._stops]
-            self._loaded = x, pressing + self._min_tension_and_saddle_pressures(rows, loads) + margins
-        passing = [p.distance_to_go(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
-        return (*gaps.tolist(), *ahead, *self._loaded[1], *passing)
-
     def car_point_and_rates(self, car: str, x: State) -> Array:
         """Point of a car with its rates (3, 2)."""
         z = np.array(self.coordinates_from_unknowns(*x))
-        for k, of in zip(self.cars, self.line.cars_on_rope, strict=True):
-            if of.name == car:
+        for k, on_rope in zip(self.cars, self.line.cars, strict=True):
+            if on_rope.name == car:
                 return z[:, 2 * self.node[k] + np.arange(2)]
         return self.off_rope[car].points_with_rates(np.array([x.t]), z[:, None], x.phase)[0]
 
@@ -229,14 +252,14 @@ class LineElements(LineBalance):
         """Contact forces [N] of all that may lift off; `rows` and `loads` are those of x."""
         if not self.cars:
             return []
-        each: dict[int, Any] = {i: [load] for i, load in zip(self.points, loads[:-1].tolist(), strict=True)}
+        by_car: dict[int, Any] = {i: [load] for i, load in zip(self.points, loads[:-1].tolist(), strict=True)}
         for trolley in self.trolleys:
-            y = trolley.force_inputs(x, rows[trolley.points.ravel()])
-            each[trolley.i] = trolley.forces(cars, y).loads
-        for i, car in enumerate(self.line.cars_on_rope):
+            inputs = trolley.force_inputs(x, rows[trolley.points.ravel()])
+            by_car[trolley.i] = trolley.forces(cars, inputs).loads
+        for i, car in enumerate(self.line.cars):
             if car.rail is not None:
-                each[i] = [np.inf]
-        return [load for _, of_car in sorted(each.items()) for load in of_car]
+                by_car[i] = [np.inf]
+        return [load for i in range(len(by_car)) for load in by_car[i]]
 
     def _min_tension_and_saddle_pressures(self, rows: Array, loads: Array) -> list[float]:
         """Smallest tension, and pressures of the rope on the saddles [N]."""

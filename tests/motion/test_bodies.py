@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from cablefem.elements.rest import coordinates_at_rest, coordinates_with_forces_and_zero_rates
+from cablefem.elements.rest import coordinates_at_rest, resting_coordinates_with_forces
 from cablefem.elements.system import LineElements
 from cablefem.newmark import Work, integrate_blocks, scheme, step_times_by_phase
 from cablefem.scene.bodies import Hanger, Wheels
@@ -51,7 +51,7 @@ def tram_line(travel, rope=TRAM, **more) -> MovingLine:
 def test_a_trolley_at_rest(front, rope, exact):
     system = LineElements(tram_line(front, rope))
     q = coordinates_at_rest(system, 0.0, 0)
-    z = coordinates_with_forces_and_zero_rates(system, q)
+    z = resting_coordinates_with_forces(system, q)
     x = system.observe([system.start(0, None)._replace(q=q[system.free], a=z.a[system.free])], np.array([1.0]))
     at = x.cars[0]
     loads = [wheel.load[0] for wheel in at.turning.wheels]

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from cablefem.elements.rest import coordinates_at_rest, coordinates_with_forces_and_zero_rates
+from cablefem.elements.rest import coordinates_at_rest, resting_coordinates_with_forces
 from cablefem.elements.system import LineElements
 from cablefem.motion import CarMotion
 from cablefem.scene import Scene, SceneError
@@ -51,7 +51,7 @@ def test_loads_by_hand_of_a_trolley_at_rest_are_two_percent_of_its_weight_off_an
     system = LineElements(dataclasses.replace(whole, contacts=(whole.contacts[0], point, whole.contacts[2])))
     q = coordinates_at_rest(system, 0.0, 0)
     start = system.start(0, None)._replace(
-        q=q[system.free], a=coordinates_with_forces_and_zero_rates(system, q).a[system.free]
+        q=q[system.free], a=resting_coordinates_with_forces(system, q).a[system.free]
     )
     x = system.observe([start], np.array([1.0])).cars[0]
     loads = wheel_loads_by_hand(wheels, point, x, np.zeros(1), 9.81)

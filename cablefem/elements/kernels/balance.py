@@ -395,7 +395,9 @@ def add_chord_force(cable: Cable, s_o: float, q: Array, r: Array, tangent: Tange
 @inner
 def set_chord_slopes_return_strain(cable: Cable, s_o: float, q: Array) -> float:
     """Set w' and y_n' + kap w' at `points` 0 and 1 of a one-field model; return eps of `add_chord_force`."""
-    curvature, lam, kap = cable.law[2], cable.law[3], cable.law[4]
+    curvature = cable.law[2]
+    lam = cable.law[3]
+    kap = cable.law[4]
     dofs = cable.mesh.dofs
     tab = cable.mesh.tab
     n_loc = dofs.shape[1]

@@ -114,11 +114,17 @@ def forces_on_car(cable: Cable, car: Car, drive_inputs: Array, slopes: Array, x:
     n = q.size - 1
     m = 2 * car.node
     if car.mode == HAUL:
-        s_o, ds, dds = drive_inputs[0], drive_inputs[1], drive_inputs[2]
-        hold, thrust = 0.0, 0.0
+        s_o = drive_inputs[0]
+        ds = drive_inputs[1]
+        dds = drive_inputs[2]
+        hold = 0.0
+        thrust = 0.0
     else:
-        s_o, ds, dds = q[n], v[n], a[n]
-        hold, thrust = drive_inputs[0], drive_inputs[1]
+        s_o = q[n]
+        ds = v[n]
+        dds = a[n]
+        hold = drive_inputs[0]
+        thrust = drive_inputs[1]
     xp, yp, T = static_slope_and_tension(cable.law, s_o)
     xpp = cable.law[1] * yp / (T * T)
     ypp = -cable.law[1] / (T * T * T)

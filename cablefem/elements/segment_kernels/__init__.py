@@ -22,13 +22,16 @@ class Kernel:
 
     def __init__(self, segments: Segments, cars: Any, contacts: Any, slots: Sequence[Any], gravity: float) -> None:
         """cars : their numbers among all;  contacts : theirs;  slots : of F/M and of phi of these cars, or -1."""
-        points, first = segments.xi.size // segments.elements, segments.dofs[0]
+        points = segments.xi.size // segments.elements
+        first = segments.dofs[0]
         phi, phi_xi = (np.ascontiguousarray(x[:points, first]) for x in (segments.values, segments.slopes))
         xi = segments.xi.reshape(segments.elements, points)
         dofs = np.ascontiguousarray(segments.dofs)
         self.mesh = balance.Mesh(phi, phi_xi, segments.weights[:points].copy(), xi, dofs, segments.end_slopes)
         self.rope = balance.Rope(segments.rho, segments.q)
-        self.cars, self.contacts, self.gravity = cars, contacts, float(gravity)
+        self.cars = cars
+        self.contacts = contacts
+        self.gravity = float(gravity)
         self.forces, self.swings = slots
         self._known: tuple[Any, Any] = None, None  # the last data, and as an array
 

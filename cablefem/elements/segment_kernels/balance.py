@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from cablefem.compiled import compiling_decorator
 from cablefem.newmark import Array
 
-compiled, inner = compiling_decorator(__file__), compiling_decorator(__file__, inner=True)
+compiled = compiling_decorator(__file__)
+inner = compiling_decorator(__file__, inner=True)
 INPUTS = 12  # of `set_car_forces`, see `bodies`
 
 
@@ -122,13 +123,18 @@ def add_rope_rows(line: Line, at: Coordinates, rows: Array) -> float:
     elements, n_loc = mesh.dofs.shape
     nn = mesh.ends.shape[1]
     S = first_slot_of_s(line)
-    f, by_a, by_b, lowest = np.empty(10), np.empty(2), np.empty(2), np.inf
+    f = np.empty(10)
+    by_a = np.empty(2)
+    by_b = np.empty(2)
+    lowest = np.inf
     for k in range(count):
-        h, dh = q[S + k + 1] - q[S + k], v[S + k + 1] - v[S + k]
+        h = q[S + k + 1] - q[S + k]
+        dh = v[S + k + 1] - v[S + k]
         for e in range(elements):
             for g in range(mesh.weights.size):
                 set_values_at_point(mesh, at, 2 * k * (nn - 1), e, g, f)
-                xi, weight = mesh.xi[e, g], mesh.weights[g]
+                xi = mesh.xi[e, g]
+                weight = mesh.weights[g]
                 c = v[S + k] * (1.0 - xi) + v[S + k + 1] * xi
                 dc = a[S + k] * (1.0 - xi) + a[S + k + 1] * xi
                 EA, N_0, W_0 = law[:, k, e * mesh.weights.size + g]
@@ -137,7 +143,8 @@ def add_rope_rows(line: Line, at: Coordinates, rows: Array) -> float:
                 N = N_0 + EA * (lam - 1.0)
                 lowest = min(lowest, N)
                 W = W_0 + (N_0 + 0.5 * EA * (lam - 1.0)) * (lam - 1.0)
-                momentum, kinetic = 0.0, 0.0
+                momentum = 0.0
+                kinetic = 0.0
                 for x in range(2):
                     w = f[4 + x] - c / h * f[2 + x]
                     dw = f[8 + x] - c / h * f[6 + x] + (c * dh / h - dc) / h * f[2 + x]
@@ -163,14 +170,19 @@ def set_car_forces(car: Array, gravity: float, y: Array, out: Array) -> None:
     car : the first twelve of `bodies.CarLoadsAndMasses`.
     """
     mass, k, wind, mu, thrust, brake, hold, sign, lever, arm, inertia, resistance = car
-    mx, my = 0.5 * (y[0] + y[2]), 0.5 * (y[1] + y[3])
+    mx = 0.5 * (y[0] + y[2])
+    my = 0.5 * (y[1] + y[3])
     size = np.sqrt(mx * mx + my * my)
-    tx, ty = mx / size, my / size
-    cos, sin = np.cos(y[9]), np.sin(y[9])
-    ax, ay = y[4] + arm * y[10] * cos - wind, y[5] - arm * y[10] * sin
+    tx = mx / size
+    ty = my / size
+    cos = np.cos(y[9])
+    sin = np.sin(y[9])
+    ax = y[4] + arm * y[10] * cos - wind
+    ay = y[5] - arm * y[10] * sin
     drag = k * np.sqrt(ax * ax + ay * ay + 1e-24)
     along = mass * y[8] + thrust
-    faster, slung = lever * y[11], lever * y[10] * y[10]
+    faster = lever * y[11]
+    slung = lever * y[10] * y[10]
     out[0] = mass * y[6] - along * tx + drag * ax + faster * cos - slung * sin
     out[1] = mass * (y[7] - gravity) - along * ty + drag * ay - faster * sin - slung * cos
     about_hinge = lever * (y[6] * cos - y[7] * sin + gravity * sin)
@@ -186,25 +198,32 @@ def set_car_forces(car: Array, gravity: float, y: Array, out: Array) -> None:
 @inner
 def set_slopes_and_motion_at_car(line: Line, j: int, at: Coordinates, y: Array) -> None:
     """Set y (INPUTS,), the inputs of `bodies.forces_on_cars`, for car j."""
-    mesh, cars = line.mesh, line.cars
+    mesh = line.mesh
+    cars = line.cars
     q, v, a = at
-    k, force, swing = cars.contacts[j], cars.forces[j], cars.swings[j]
+    k = cars.contacts[j]
+    force = cars.forces[j]
+    swing = cars.swings[j]
     nn = mesh.ends.shape[1]
     S = first_slot_of_s(line)
     y[:] = 0.0
     for side in range(2):  # behind, ahead
-        segment, shapes = k - 1 + side, mesh.ends[1 - side]
+        segment = k - 1 + side
+        shapes = mesh.ends[1 - side]
         h = q[S + segment + 1] - q[S + segment]
         for i in range(nn):
             for x in range(2):
                 y[2 * side + x] += shapes[i] * q[2 * (segment * (nn - 1) + i) + x] / h
     for x in range(2):
         slot = 2 * k * (nn - 1) + x
-        y[4 + x], y[6 + x] = v[slot], a[slot]
+        y[4 + x] = v[slot]
+        y[6 + x] = a[slot]
     if force >= 0:
         y[8] = a[force]
     if swing >= 0:
-        y[9], y[10], y[11] = q[swing], v[swing], a[swing]
+        y[9] = q[swing]
+        y[10] = v[swing]
+        y[11] = a[swing]
 
 
 @inner
@@ -213,10 +232,12 @@ def add_car_rows_and_set_loads(line: Line, i: int, at: Coordinates, rows: Array,
     cars = line.cars
     nn = line.mesh.ends.shape[1]
     S = first_slot_of_s(line)
-    y, out = np.empty(INPUTS, np.complex128), np.empty(5, np.complex128)
+    y = np.empty(INPUTS, np.complex128)
+    out = np.empty(5, np.complex128)
     data = cars.data[min(i, cars.data.shape[0] - 1)]
     for j in range(cars.contacts.size):
-        k, swing = cars.contacts[j], cars.swings[j]
+        k = cars.contacts[j]
+        swing = cars.swings[j]
         set_slopes_and_motion_at_car(line, j, at, y)
         set_car_forces(data[j], cars.gravity, y, out)
         rows[2 * k * (nn - 1)] += out[0].real
@@ -235,8 +256,10 @@ def set_car_jacobian(line: Line, j: int, y: Array, jacobian: Array) -> None:
         y[i] += 1e-30j
         set_car_forces(line.cars.data[0, j], line.cars.gravity, y, out)
         y[i] = y[i].real
-        jacobian[0, i], jacobian[1, i] = out[0].imag / 1e-30, out[1].imag / 1e-30
-        jacobian[2, i], jacobian[3, i] = -out[2].imag / 1e-30, out[4].imag / 1e-30
+        jacobian[0, i] = out[0].imag / 1e-30
+        jacobian[1, i] = out[1].imag / 1e-30
+        jacobian[2, i] = -out[2].imag / 1e-30
+        jacobian[3, i] = out[4].imag / 1e-30
 
 
 @inner
@@ -246,7 +269,8 @@ def add_car_tangent(line: Line, at: Coordinates, factors: tuple[float, float, fl
     y = np.empty(INPUTS, np.complex128)
     jacobian = np.zeros((4, INPUTS))
     for j in range(line.cars.contacts.size):
-        k, swing = line.cars.contacts[j], line.cars.swings[j]
+        k = line.cars.contacts[j]
+        swing = line.cars.swings[j]
         set_slopes_and_motion_at_car(line, j, at, y)
         set_car_jacobian(line, j, y, jacobian)
         node = 2 * k * (nn - 1)
@@ -264,7 +288,8 @@ def add_slopes_to_car_tangent(
     nn = line.mesh.ends.shape[1]
     S = first_slot_of_s(line)
     for side in range(2):
-        segment, shapes = line.cars.contacts[j] - 1 + side, line.mesh.ends[1 - side]
+        segment = line.cars.contacts[j] - 1 + side
+        shapes = line.mesh.ends[1 - side]
         h = at.q[S + segment + 1] - at.q[S + segment]
         by_h = 0.0
         for axis in range(2):
@@ -286,7 +311,8 @@ def add_motion_to_car_tangent(
 ) -> None:  # fmt: skip
     """Add what the motion of car j, its F/M and its swing give to the row of a slot; node : slot of its x."""
     c0, c1, c2, of_force = factors
-    force, swing = cars.forces[j], cars.swings[j]
+    force = cars.forces[j]
+    swing = cars.swings[j]
     for axis in range(2):
         add_entry(matrix, slot, node + axis, by_input[4 + axis] * c1 + by_input[6 + axis] * c2)
     if force >= 0:
@@ -316,24 +342,31 @@ def add_rope_tangent(line: Line, at: Coordinates, factors: tuple[float, float, f
     nn = mesh.ends.shape[1]
     S = first_slot_of_s(line)
     f = np.empty(10)
-    w, dw = np.empty(2), np.empty(2)
-    w_s, dw_s = np.empty(2), np.empty(2)
+    w = np.empty(2)
+    dw = np.empty(2)
+    w_s = np.empty(2)
+    dw_s = np.empty(2)
     rho = rope.rho
-    ab, columns, rows = matrix.ab, matrix.columns, matrix.rows
+    ab = matrix.ab
+    columns = matrix.columns
+    rows = matrix.rows
     diagonal = 2 * ((ab.shape[0] - 1) // 3)
     for k in range(count):
-        h, dh = q[S + k + 1] - q[S + k], v[S + k + 1] - v[S + k]
+        h = q[S + k + 1] - q[S + k]
+        dh = v[S + k + 1] - v[S + k]
         for e in range(elements):
             for g in range(mesh.weights.size):
                 set_values_at_point(mesh, at, 2 * k * (nn - 1), e, g, f)
-                xi, weight = mesh.xi[e, g], mesh.weights[g]
+                xi = mesh.xi[e, g]
+                weight = mesh.weights[g]
                 c = v[S + k] * (1.0 - xi) + v[S + k + 1] * xi
                 dc = a[S + k] * (1.0 - xi) + a[S + k + 1] * xi
                 EA, N_0 = law[:2, k, e * mesh.weights.size + g]
                 size = np.sqrt(f[2] ** 2 + f[3] ** 2)
                 lam = size / h
                 N = N_0 + EA * (lam - 1.0)
-                tx, ty = f[2] / size, f[3] / size
+                tx = f[2] / size
+                ty = f[3] / size
                 for x in range(2):
                     w[x] = f[4 + x] - c / h * f[2 + x]
                     dw[x] = f[8 + x] - c / h * f[6 + x] + (c * dh / h - dc) / h * f[2 + x]
@@ -345,24 +378,35 @@ def add_rope_tangent(line: Line, at: Coordinates, factors: tuple[float, float, f
                 along = weight * (EA - N / lam) / h * c0
                 for j in range(n_loc):
                     column = 2 * (k * (nn - 1) + mesh.dofs[e, j])
-                    u, d = mesh.phi[g, j], mesh.phi_xi[g, j]
-                    by_p, by_s, outer = vv * u + vs * d, sv * u + ss * d, along * d
-                    xx, xy, yy = by_s + outer * tx * tx, outer * tx * ty, by_s + outer * ty * ty
+                    u = mesh.phi[g, j]
+                    d = mesh.phi_xi[g, j]
+                    by_p = vv * u + vs * d
+                    by_s = sv * u + ss * d
+                    outer = along * d
+                    xx = by_s + outer * tx * tx
+                    xy = outer * tx * ty
+                    yy = by_s + outer * ty * ty
                     for i in range(n_loc):
                         row = diagonal + 2 * (k * (nn - 1) + mesh.dofs[e, i]) - column
-                        p, s = mesh.phi[g, i] * by_p, mesh.phi_xi[g, i]
+                        p = mesh.phi[g, i] * by_p
+                        s = mesh.phi_xi[g, i]
                         ab[row, column] += p + s * xx
                         ab[row, column + 1] += p + s * yy
                         ab[row - 1, column + 1] += s * xy
                         ab[row + 1, column] += s * xy
                 dot_w = (w[0] * f[2] + w[1] * f[3]) / h
                 for end in range(2):
-                    sign, psi = 2.0 * end - 1.0, xi if end else 1.0 - xi
-                    h_s, dh_s, c_s, dc_s = sign * c0, sign * c1, psi * c1, psi * c2
+                    sign = 2.0 * end - 1.0
+                    psi = xi if end else 1.0 - xi
+                    h_s = sign * c0
+                    dh_s = sign * c1
+                    c_s = psi * c1
+                    dc_s = psi * c2
                     lam_s = -lam * h_s / h
                     first = c * h_s / h - c_s
                     second = dc * h_s / h - dc_s + (c_s * dh + c * dh_s) / h - 2.0 * c * dh * h_s / h**2
-                    momentum, kinetic = 0.0, 0.0
+                    momentum = 0.0
+                    kinetic = 0.0
                     for x in range(2):
                         t = tx if x == 0 else ty
                         w_s[x] = first * f[2 + x] / h
@@ -383,7 +427,8 @@ def add_rope_tangent(line: Line, at: Coordinates, factors: tuple[float, float, f
                         of_b -= c0 * sign * lam * EA / h * t
                         for i in range(n_loc):
                             slot = 2 * (k * (nn - 1) + mesh.dofs[e, i]) + x
-                            p, s = weight * mesh.phi[g, i], weight * mesh.phi_xi[g, i]
+                            p = weight * mesh.phi[g, i]
+                            s = weight * mesh.phi_xi[g, i]
                             columns[slot, k + end] += p * by_a + s * by_b
                             rows[k + end, slot] += p * of_a + s * of_b
                         momentum += dw_s[x] * f[2 + x] + w_s[x] * f[6 + x]
@@ -391,5 +436,6 @@ def add_rope_tangent(line: Line, at: Coordinates, factors: tuple[float, float, f
                     kinetic += (c_s - c * h_s / h) * dot_w
                     material = -lam * EA * lam_s - rho * kinetic
                     for other in range(2):
-                        e2, psi2 = 2.0 * other - 1.0, xi if other else 1.0 - xi
+                        e2 = 2.0 * other - 1.0
+                        psi2 = xi if other else 1.0 - xi
                         matrix.corner[k + other, k + end] += weight * (e2 * material - rho * psi2 * momentum)
