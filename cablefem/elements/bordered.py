@@ -66,12 +66,16 @@ class BandMatrix:
         self.rows = self.rows + 1j * other.rows
         self.corner = self.corner + 1j * other.corner
 
+    def _in_band(self, i: Indices, j: Indices) -> tuple[Indices, Indices]:
+        """Where `ab` has the entries (i, j)."""
+        return 2 * self.b + i - j, j
+
     def add_block(self, rows: Indices, columns: Indices, block: Array) -> None:
         """Add a block (rows, columns) inside the band, in the border rows or in the corner."""
         i = np.asarray(rows)[:, None]
         j = np.asarray(columns)
         if i[0] < self.n:
-            self.ab[2 * self.b + i - j, j] += block
+            self.ab[self._in_band(i, j)] += block
         elif j[0] < self.n:
             self.rows[i - self.n, j] += block
         else:
@@ -85,30 +89,30 @@ class BandMatrix:
         """Numbers within the band beside i < n."""
         return np.arange(max(0, i - self.b), min(self.n, i + self.b + 1))
 
-    def add_multiple_of_row(self, source: int, to: int, factor: complex = 1.0) -> None:
+    def add_multiple_of_row(self, source: int, border_row: int, factor: complex = 1.0) -> None:
         """Add a factor times row `source`, of the band or of the border, to a border row."""
-        to = to - self.n
+        to = border_row - self.n
         if source >= self.n:
             self.rows[to] += factor * self.rows[source - self.n]
             self.corner[to] += factor * self.corner[source - self.n]
             return
         j = self._columns_in_band(source)
-        self.rows[to, j] += factor * self.ab[2 * self.b + source - j, j]
+        self.rows[to, j] += factor * self.ab[self._in_band(source, j)]
         self.corner[to] += factor * self.columns[source]
 
-    def add_multiple_of_column(self, source: int, to: int, factor: complex) -> None:
+    def add_multiple_of_column(self, source: int, border_column: int, factor: complex) -> None:
         """Add a factor times column `source` < n to a border column."""
-        to = to - self.n
+        to = border_column - self.n
         i = self._columns_in_band(source)
-        self.columns[i, to] += factor * self.ab[2 * self.b + i - source, source]
+        self.columns[i, to] += factor * self.ab[self._in_band(i, source)]
         self.corner[:, to] += factor * self.rows[:, source]
 
     def tie_unknown_to_previous(self, j: int, factor: float) -> None:
         """Let unknown j < n follow j - 1: add its row and its column to those before, times the factor."""
         i = np.arange(max(0, j - self.b), min(self.n, j + self.b))
-        self.ab[2 * self.b + j - 1 - i, i] += factor * self.ab[2 * self.b + j - i, i]
+        self.ab[self._in_band(j - 1, i)] += factor * self.ab[self._in_band(j, i)]
         self.columns[j - 1] += factor * self.columns[j]
-        self.ab[2 * self.b + i - j + 1, j - 1] += factor * self.ab[2 * self.b + i - j, j]
+        self.ab[self._in_band(i, j - 1)] += factor * self.ab[self._in_band(i, j)]
         self.rows[:, j - 1] += factor * self.rows[:, j]
 
     def fix_unknowns_at_zero(self, at: NDArray[np.intp]) -> None:
@@ -116,9 +120,9 @@ class BandMatrix:
         inner = at[at < self.n]
         border = at[at >= self.n] - self.n
         j = inner[:, None] + np.arange(-self.b, self.b + 1)
-        band_row = np.broadcast_to(np.arange(3 * self.b, self.b - 1, -1), j.shape)
+        i = np.broadcast_to(inner[:, None], j.shape)
         inside = (j >= 0) & (j < self.n)
-        self.ab[band_row[inside], j[inside]] = 0.0
+        self.ab[self._in_band(i[inside], j[inside])] = 0.0
         self.ab[:, inner] = 0.0
         self.ab[2 * self.b, inner] = 1.0
         self.columns[inner] = 0.0
@@ -138,7 +142,8 @@ class BandMatrix:
 
         def solve(b: Array) -> Array:
             inner = substitute(lu, self.b, self.b, b[: self.n], pivots)[0]
-            border = schur @ (b[self.n :] - self.rows @ inner)
+            remaining = b[self.n :] - self.rows @ inner
+            border = schur @ remaining
             return np.concatenate([inner - from_border @ border, border])
 
         return solve

@@ -14,7 +14,7 @@ from cablefem.shoes import LineSnapshot, Passage, line_and_snapshot_after_passag
 def system_after_passage(system: LineElements, passage: Passage, x: State) -> tuple[LineElements, State]:
     """The line after a passage, and its state: r interpolated, velocities by least squares."""
     before = system.coordinates_from_unknowns(*x)
-    off_rope = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.over}
+    off_rope = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.cars_off_rope}
     snapshot = _line_snapshot_of(system, before, off_rope)
     line, snapshot = line_and_snapshot_after_passage(system.line, passage, x.t, x.phase, snapshot)
     segments = system.segments
@@ -46,7 +46,7 @@ def _set_contact_coordinates(new: LineElements, snapshot: LineSnapshot, z: Coord
 
 def _add_jump_of_swing_rate(old: LineElements, new: LineElements, car: str, velocity: Array, z: Coordinates) -> None:
     """Add to the swing rate in z what the jump of the car's velocity gives; velocity : off the rope (2,)."""
-    i = [c.name for c in new.line.cars].index(car)
+    i = [c.name for c in new.line.cars_on_rope].index(car)
     node = new.node[new.cars[i]]
     jump = new.node_points(z.v)[node] - velocity
     swing = _body_slots_by_car(new)[car]
@@ -75,15 +75,20 @@ def _copy_body_coordinates(old: LineElements, before: Coordinates, new: LineElem
 
 def _body_slots_by_car(system: LineElements) -> dict[str, Array]:
     """Slots of swing and of X and th, by car."""
-    cars = system.line.cars_on_rope
-    swings = {cars[i].name: np.array([slot]) for i, slot in zip(system.of_swing, system.swing, strict=True)}
-    swings |= {name: np.array([slot]) for name, slot in system.swing_off_rope.items()}
-    return swings | {trolley.car.name: trolley.body for trolley in system.trolleys}
+    slots = {}
+    for i, slot in zip(system.of_swing, system.swing.tolist(), strict=True):
+        slots[system.line.cars_on_rope[i].name] = np.array([slot])
+    for name, slot in system.swing_off_rope.items():
+        slots[name] = np.array([slot])
+    for trolley in system.trolleys:
+        slots[trolley.car.name] = trolley.body
+    return slots
 
 
 def _reorder_by_car(old: LineElements, new: LineElements, values: Array) -> Array:
     """Values of the old line's cars in the order of the new one's; 0 for others."""
-    by_name = {car.name: value for car, value in zip(old.line.cars_on_rope, values.tolist(), strict=True)}
+    names = [car.name for car in old.line.cars_on_rope]
+    by_name = dict(zip(names, values.tolist(), strict=True))
     return np.array([by_name.get(car.name, 0.0) for car in new.line.cars_on_rope])
 
 
@@ -105,9 +110,10 @@ def _fit_segment(old: LineElements, before: Coordinates, new: LineElements, z: C
 
 def _fit_inner_unknowns(segments: Segments, table: Array, x: Array, target: Array) -> None:
     """Set the inner unknowns of x (nn, 2), so that table (G, nn) times x is nearest to the target (G, 2)."""
-    rest = target - table[:, [0, -1]] @ x[[0, -1]]
     root = np.sqrt(segments.weights)[:, None]
-    x[1:-1] = np.linalg.lstsq(root * table[:, 1:-1], root * rest, rcond=None)[0]
+    by_inner = root * table[:, 1:-1]
+    missing = root * (target - table[:, [0, -1]] @ x[[0, -1]])
+    x[1:-1] = np.linalg.lstsq(by_inner, missing, rcond=None)[0]
 
 
 def positions_slopes_and_velocities_at(system: LineElements, z: Coordinates, s: Array) -> Array:

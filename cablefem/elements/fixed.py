@@ -147,10 +147,9 @@ class FixedElements(CableElements):
         self._moments = shape_integrals(dofs, inertia, inertia[..., 0], self.n_scalar)[None]
         self._knots = np.linspace(-1.0, 0.0, n + 1)
         self._shapes = shape_polynomial_coefficients(element())
-        self._powers = np.zeros((3, n_loc, n_loc))  # N, N', N''
-        for d in range(3):
-            derivative = polyder(self._shapes, d, axis=1)
-            self._powers[d, :, : derivative.shape[1]] = float(n) ** d * derivative
+        derivatives = [float(n) ** d * polyder(self._shapes, d, axis=1) for d in range(3)]
+        padded = [np.pad(x, ((0, 0), (0, n_loc - x.shape[1]))) for x in derivatives]
+        self._powers = np.stack(padded)  # N, N', N'' (3, n_loc, n_loc)
 
     def _unknowns_and_shape_functions_ahead(self, s: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Unknowns (n_loc, fields) and N, N', N'' (n_loc,) at s, without supports; at a node of the element ahead."""

@@ -32,8 +32,9 @@ def tension_stiffness_energy(strain: Any, T: Any, alpha: float, law: float) -> t
     if law != TENSION_ONLY:
         return N, alpha, W
     taut = N > 0.0
-    W_slack = -0.5 * T * T / alpha
-    return np.where(taut, N, 0.0), np.where(taut, alpha, 0.0), np.where(taut, W, W_slack)
+    stiffness = np.where(taut, alpha, 0.0)
+    energy = np.where(taut, W, -0.5 * T * T / alpha)
+    return np.where(taut, N, 0.0), stiffness, energy
 
 
 def length_from_components(vector: Any) -> Any:
@@ -44,7 +45,8 @@ def length_from_components(vector: Any) -> Any:
 
 def strain(X_s: Any, w_s: Any, stretch: Any) -> Any:
     """|r'| - 1 without cancellation; stretch : |r'|, r' = X' + w'."""
-    return ((2.0 * X_s[0] + w_s[0]) * w_s[0] + (2.0 * X_s[1] + w_s[1]) * w_s[1]) / (stretch + 1.0)
+    squared = (2.0 * X_s[0] + w_s[0]) * w_s[0] + (2.0 * X_s[1] + w_s[1]) * w_s[1]  # |r'|^2 - 1
+    return squared / (stretch + 1.0)
 
 
 class Section(NamedTuple):
@@ -63,7 +65,8 @@ def section_forces(X_s: Any, T: Any, w_s: Any, alpha: float, law: float) -> Sect
     stretch = length_from_components(X_s + w_s)
     eps = strain(X_s, w_s, stretch)
     N, dN, W = tension_stiffness_energy(eps, T, alpha, law)
-    force = N / stretch * w_s + ((N - T) - T * eps) / stretch * X_s
+    excess = (N - T) - T * eps
+    force = N / stretch * w_s + excess / stretch * X_s
     return Section(force, N, dN, W, eps, stretch)
 
 
@@ -85,10 +88,13 @@ def internal_force_form(eta, w):
 @skfem.LinearForm
 def inertia_and_damping_form(eta, w):
     c = w["c"]
+    v = w["v"]
     q_s = w["q"].grad[:, 0]
-    v_s = w["v"].grad[:, 0]
-    by_value = w["a"] + w["c_s"] * w["v"] - c * v_s - w["c_t"] * q_s + w["c_d"] * (w["v"] - c * q_s)
-    return np.sum(by_value * eta + (c * w["v"] - c**2 * q_s) * eta.grad[:, 0], axis=0)
+    v_s = v.grad[:, 0]
+    acceleration = w["a"] + w["c_s"] * v - c * v_s - w["c_t"] * q_s
+    by_value = acceleration + w["c_d"] * (v - c * q_s)
+    by_slope = c * v - c**2 * q_s
+    return np.sum(by_value * eta + by_slope * eta.grad[:, 0], axis=0)
 
 
 def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int) -> Array:
@@ -104,8 +110,9 @@ def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int)
 
     # scikit-fem's unknowns in ours, which leave out the supports
     number = np.empty(basis.N, dtype=int)
+    of_elements = 2 * (element_unknowns(degree, mesh.nelements).T - 1)
     for field in range(2):
-        number[basis.element_dofs[field::2]] = 2 * (element_unknowns(degree, mesh.nelements).T - 1) + field
+        number[basis.element_dofs[field::2]] = of_elements + field
     inner = (number >= 0) & (number < system.n_dof)
     unknowns = np.zeros((3, number.size))
     unknowns[:, inner] = x[:, number[inner]]
@@ -114,10 +121,9 @@ def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int)
     behind = s < s_o
     chi = np.where(behind, s / s_o, (1.0 - s) / (1.0 - s_o))
     chi_s = np.where(behind, 1.0 / s_o, -1.0 / (1.0 - s_o))
-    q, v, a = (basis.interpolate(y) for y in unknowns)
-    r = inertia_and_damping_form.assemble(
-        basis, q=q, v=v, a=a, c=ds * chi, c_s=ds * chi_s, c_t=dds * chi, c_d=g.damping
-    )
+    fields = {name: basis.interpolate(values) for name, values in zip("qva", unknowns, strict=True)}
+    mesh_motion = {"c": ds * chi, "c_s": ds * chi_s, "c_t": dds * chi}
+    r = inertia_and_damping_form.assemble(basis, c_d=g.damping, **fields, **mesh_motion)
 
     T, *slope = g.tension_and_slope(np.asarray(basis_of_forces.global_coordinates())[0])
     w_s = basis_of_forces.interpolate(unknowns[0]).grad[:, 0]
@@ -126,5 +132,6 @@ def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int)
 
     r = r[np.argsort(number)[2:-2]]  # without the supports
     at_mass = [2 * system.node, 2 * system.node + 1]
-    r[at_mass] += system.inertia * x[2, at_mass] + system._inertia_less_weight_on_static_shape(s_o, ds, dds)
+    load = system._inertia_less_weight_on_static_shape(s_o, ds, dds)
+    r[at_mass] += system.inertia * x[2, at_mass] + load
     return r

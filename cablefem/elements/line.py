@@ -33,26 +33,30 @@ ORDER = 12  # of quadrature
 SOFTEST = 5.0  # first EA over H
 
 
+def _dot_slope(vector, field):
+    """Product of a vector with the slope of a field, d/dxi."""
+    return vector[0] * field.grad[0, 0] + vector[1] * field.grad[1, 0]
+
+
 @skfem.LinearForm
 def weak_force(eta, w):
     """Equation of r."""
-    return w.N * (w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]) - w.q * w.h * eta[1]
+    return w.N * _dot_slope(w.t, eta) - w.q * w.h * eta[1]
 
 
 @skfem.LinearForm
 def weak_force_derivative_by_piece_length(eta, w):
     """d/dh of `weak_force`."""
-    return -w.EA * w.lam / w.h * (w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]) - w.q * eta[1]
+    return -w.EA * w.lam / w.h * _dot_slope(w.t, eta) - w.q * eta[1]
 
 
 @skfem.BilinearForm
 def weak_force_derivative_by_r(phi, eta, w):
     """d/dr of `weak_force`."""
-    along = w.t[0] * phi.grad[0, 0] + w.t[1] * phi.grad[1, 0]
-    by = w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]
-    both = phi.grad[0, 0] * eta.grad[0, 0] + phi.grad[1, 0] * eta.grad[1, 0]
+    both = _dot_slope(phi.grad[:, 0], eta)
     across = w.N / (w.a * w.h * w.lam)
-    return across * both + (w.EA / (w.a * w.h) - across) * along * by
+    along = w.EA / (w.a * w.h) - across
+    return across * both + along * _dot_slope(w.t, phi) * _dot_slope(w.t, eta)
 
 
 @skfem.Functional
@@ -104,10 +108,12 @@ class _LineBatch:
         self.last = np.cumsum(counts) - 1  # station of each case
         self.left = np.delete(np.arange(self.owner.size), self.last)  # station at the left end of each piece
         self.pieces = self.left.size
-        nodes = np.add.outer(2.0 * np.arange(self.pieces), np.linspace(0.0, 1.0, self.elements + 1))
+        begins = 2.0 * np.arange(self.pieces)
+        nodes = begins[:, None] + np.linspace(0.0, 1.0, self.elements + 1)
         ids = np.arange(nodes.size).reshape(nodes.shape)
-        ends = np.stack([ids[:, :-1].ravel(), ids[:, 1:].ravel()])
-        mesh = skfem.MeshLine(nodes.reshape(1, -1), ends)
+        left = ids[:, :-1].ravel()
+        right = ids[:, 1:].ravel()
+        mesh = skfem.MeshLine(nodes.reshape(1, -1), np.stack([left, right]))
         element = skfem.ElementVector(skfem.ElementLinePp(DEGREE), 2)
         self.basis = skfem.Basis(mesh, element, intorder=ORDER)
         self.dofs = self.basis.nodal_dofs[:, ids]  # (2, pieces, elements + 1)
@@ -121,15 +127,17 @@ class _LineBatch:
     def _set_unknowns(self) -> None:
         """Number the unknowns, and set T and w0."""
         N = self.basis.N
-        self.prescribed = np.concatenate([np.column_stack([case.points_or_nan, case.s_or_nan]) for case in self.cases])
+        prescribed = [np.column_stack([case.points_or_nan, case.s_or_nan]) for case in self.cases]
+        self.prescribed = np.concatenate(prescribed)
         free = np.isnan(self.prescribed)
         self.number = np.where(free, np.cumsum(free).reshape(free.shape) - 1, -1)
         # (u_x, u_y, h) of the piece behind each station and ahead; -1: no piece
         h = N + np.arange(self.pieces)
         self.behind = np.full(free.shape, -1)
         self.ahead = np.full(free.shape, -1)
-        self.behind[self.left + 1] = np.column_stack([*self.dofs[:, :, -1], h])
-        self.ahead[self.left] = np.column_stack([*self.dofs[:, :, 0], h])
+        u_x, u_y = self.dofs
+        self.behind[self.left + 1] = np.column_stack([u_x[:, -1], u_y[:, -1], h])
+        self.ahead[self.left] = np.column_stack([u_x[:, 0], u_y[:, 0], h])
         inner = np.setdiff1d(np.arange(N), self.dofs[:, :, [0, -1]])
         inner_numbers = int(free.sum()) + np.arange(inner.size)
         self.size = int(free.sum()) + inner.size
@@ -146,10 +154,12 @@ class _LineBatch:
             columns.append(self.number[moving])
             entries.append(signs[moving])
         positions = np.concatenate(rows), np.concatenate(columns)
-        self.T = coo_matrix((np.concatenate(entries), positions), (self.w0.size, self.size)).tocsr()
-        case_of = np.empty(N, int)
-        case_of[self.basis.element_dofs] = np.repeat(self.owner[self.left], self.elements)
-        self.case_of = np.concatenate([np.repeat(self.owner, 3)[free.ravel()], case_of[inner]])
+        T = coo_matrix((np.concatenate(entries), positions), (self.w0.size, self.size))
+        self.T = T.tocsr()
+        of_nodes = np.empty(N, int)
+        of_nodes[self.basis.element_dofs] = np.repeat(self.owner[self.left], self.elements)
+        of_stations = np.repeat(self.owner, 3)[free.ravel()]
+        self.case_of = np.concatenate([of_stations, of_nodes[inner]])
 
     def _set_loads_springs_and_conditions(self) -> None:
         """Set constant loads, springs, special rows, and B without these."""
@@ -173,7 +183,9 @@ class _LineBatch:
         at = np.array([x.station for x in special], int)
         self.kinds = np.array([x.kind for x in special])
         self.targets = np.array([x.target for x in special])
-        self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
+        behind = self.behind[at, :2]
+        ahead = self.ahead[at, :2]
+        self.ends = np.concatenate([behind, ahead], axis=1)
         plain = np.ones(self.size)
         plain[self.rows] = 0.0
         self.B = diags(plain) @ self.T.T
@@ -229,7 +241,8 @@ class _LineBatch:
         self.N_ref = np.repeat(H * np.hypot(dx, dy) / dx, self.elements)[:, None]
         sag = self.q[:: self.elements, 0] * h * dx / (8.0 * H)
         xi = np.linspace(0.0, 1.0, self.elements + 1)
-        path = stations[self.left, :2].T[:, :, None] + chord[:, :2].T[:, :, None] * xi
+        begin = stations[self.left, :2].T
+        path = begin[:, :, None] + chord[:, :2].T[:, :, None] * xi
         path[1] += 4.0 * sag[:, None] * xi * (1.0 - xi)
         w = np.zeros(self.basis.N + self.pieces)
         w[self.dofs] = path
@@ -350,11 +363,13 @@ class _LineBatch:
         tau = behind + ahead
         tau /= np.linalg.norm(tau, axis=1)[:, None]
         weight = np.array([p.force if p.kind == "hauled" else np.nan for p in self.stations])
-        haul = np.sum((behind - ahead) * tau, axis=1) - weight * tau[:, 1]
+        from_rope = np.sum((behind - ahead) * tau, axis=1)
+        haul = from_rope - weight * tau[:, 1]
         w = self.T @ self.X + self.w0
         middle = w[self.dofs[:, :, self.elements // 2]].T
         begins = self.last[:-1] + 1
-        columns = [np.split(x, begins) for x in (stations[:, 2], stations[:, :2], behind, ahead, haul)]
+        of_stations = [stations[:, 2], stations[:, :2], behind, ahead, haul]
+        columns = [np.split(x, begins) for x in of_stations]
         columns.append(np.split(middle, begins - np.arange(1, len(self.cases))))
         return [LineState(*of_case) for of_case in zip(self.cases, *columns, strict=True)]
 

@@ -52,16 +52,16 @@ class LineBalance(LineCoordinates):
         self._last: tuple[float, Array, Array, Array] | None = None
         self._instants: tuple[Array, int, Array] | None = None  # t, phase, prescribed ones of the last residuals
         self._set_springs_and_counterweights()
-        weights = [car.mass * line.gravity for car in line.cars]
+        weights = [car.mass * line.gravity for car in line.cars_on_rope]
         self.force_scale = min(weights, default=line.weight_per_length * line.supports[-1].point[0])
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
-        self._unloaded_cars = masses_drag_and_friction(line.cars, line.gravity)
+        self._unloaded_cars = masses_drag_and_friction(line.cars_on_rope, line.gravity)
         self._steady_cars: CarLoadsAndMasses | None = None  # those of cars that do not change
-        self._rolls = any(car.drive_kind == "free" for car in line.cars)
-        self.signs = np.array([line.travel_direction(c, 0) if c.travel else 1.0 for c in line.cars])
-        self.brakes = np.zeros(len(line.cars))  # [N] that act on free cars
-        self.rear_brakes = np.zeros(len(line.cars))  # [N] of them at the rear one of two wheels
-        self.hold = np.zeros(len(line.cars))  # [N] f that holds free cars at the start
+        self._rolls = any(car.drive_kind == "free" for car in line.cars_on_rope)
+        self.signs = np.array([line.travel_direction(c, 0) if c.travel else 1.0 for c in line.cars_on_rope])
+        self.brakes = np.zeros(len(line.cars_on_rope))  # [N] that act on free cars
+        self.rear_brakes = np.zeros(len(line.cars_on_rope))  # [N] of them at the rear one of two wheels
+        self.hold = np.zeros(len(line.cars_on_rope))  # [N] f that holds free cars at the start
 
     def _set_springs_and_counterweights(self) -> None:
         self._springs: list[tuple[NDArray[np.intp], Array, Contact]] = []  # slots of x and y, stiffness
@@ -227,7 +227,7 @@ class LineBalance(LineCoordinates):
         times = np.ravel(t).tolist()
         thrust = np.empty((len(times), len(self.cars)))
         held = np.empty(thrust.shape)
-        for i, car in enumerate(self.line.cars):
+        for i, car in enumerate(self.line.cars_on_rope):
             thrust[:, i] = [self.line.thrust(car, at, phase) for at in times]
             held[:, i] = [car.drive.remaining_hold_fraction(at) for at in times]
         shape = (*np.shape(t), len(self.cars))
@@ -364,7 +364,7 @@ class LineBalance(LineCoordinates):
         point = 2 * self.node[k] + np.arange(2)
         out[[4, 5], point] = c1
         out[[6, 7], point] = c2
-        out[8, self.force[self.of_force == i]] = c2 or 1.0
+        out[8, self.force[np.equal(self.of_force, i)]] = c2 or 1.0
         swing = self.swing[np.equal(self.of_swing, i)]
         for row, factor in zip(out[9:], c, strict=True):
             row[swing] = factor

@@ -17,6 +17,7 @@ from cablefem.elements.segments import Motion, Segments
 from cablefem.elements.trolley import Trolley
 from cablefem.newmark import Array, System
 from cablefem.scene.contacts import Car, Contact, MovingLine, Wheel
+from cablefem.scene.rail import Rail
 
 CACHED_INSTANTS = 8  # instants whose prescribed coordinates are kept: a step's nodes are evaluated several times
 
@@ -51,14 +52,17 @@ class LineCoordinates(System):
 
     def _number_slots(self) -> None:
         """Number contacts of cars and supports, and the slots of s and F/M."""
-        touching = list(enumerate(self.line.contacts_and_wheels))
-        # contact of each car; of two wheels the front one
-        self.cars = [k for k, c in touching if isinstance(c, Car) or (isinstance(c, Wheel) and c.front)]
-        self.supports = [k for k, c in touching if isinstance(c, Contact)]
         self.s = 2 * self.n + np.arange(self.node.size)  # slots of s
-        hauled = [k for k, car in zip(self.cars, self.line.cars_on_rope, strict=True) if car.drive.mode == "haul"]
-        self.force = self.s[-1] + 1 + np.arange(len(hauled))  # slots of F/M
-        self.of_force = np.searchsorted(self.cars, hauled)  # their numbers among the cars
+        self.cars: list[int] = []  # contact of each car; of two wheels the front one
+        self.supports: list[int] = []  # contact of each support
+        for k, contact in enumerate(self.line.contacts_and_wheels):
+            if isinstance(contact, Contact):
+                self.supports.append(k)
+            elif isinstance(contact, Car) or contact.front:
+                self.cars.append(k)
+        # numbers of hauled cars, and their slots of F/M
+        self.of_force = [i for i, car in enumerate(self.line.cars_on_rope) if car.drive.mode == "haul"]
+        self.force = self.s[-1] + 1 + np.arange(len(self.of_force))
 
     @property
     def _force_slots(self) -> NDArray[np.intp]:
@@ -84,19 +88,20 @@ class LineCoordinates(System):
         self.points = [i for i, car in cars if car.wheels is None]  # numbers of the cars on one contact
 
     def _set_rails_and_cars_off_rope(self) -> None:
-        line = self.line
-        rails = zip(self.node[self.cars].tolist(), line.cars_on_rope, strict=True)
-        self.rails = [(2 * node, car.rail) for node, car in rails if car.rail is not None]  # slots of x
-        saddles = {line.contacts_and_wheels[k].name: int(self.s[k]) for k in self.supports}  # slots of s
-        self.off_rope = {
-            car.name: CarOffRope(line, car, saddles[car.rail.saddle], self.swing_off_rope.get(car.name))
-            for car in line.cars_off_rope
-            if car.rail is not None
-        }
+        self.rails: list[tuple[int, Rail]] = []  # with slots of x
+        for k, car in zip(self.cars, self.line.cars_on_rope, strict=True):
+            if car.rail is not None:
+                self.rails.append((2 * int(self.node[k]), car.rail))
+        saddles = {self.line.contacts_and_wheels[k].name: int(self.s[k]) for k in self.supports}  # slots of s
+        self.off_rope: dict[str, CarOffRope] = {}
+        for car in self.line.cars_off_rope:
+            if car.rail is not None:
+                saddle = saddles[car.rail.saddle]
+                self.off_rope[car.name] = CarOffRope(self.line, car, saddle, self.swing_off_rope.get(car.name))
 
     def slot_set_by_travel(self, i: int) -> int:
         """Slot that the travel of car i prescribes: s, or x of a car hauled in x."""
-        if self.line.cars[i].drive_kind != "haul_x":
+        if self.line.cars_on_rope[i].drive_kind != "haul_x":
             return self.slot_of_s(i)
         trolley_slots = {trolley.i: int(trolley.body[0]) for trolley in self.trolleys}
         return trolley_slots.get(i, 2 * int(self.node[self.cars[i]]))
@@ -118,7 +123,7 @@ class LineCoordinates(System):
                 self.free[point] = False
             elif contact.rail is not None:
                 self.free[point[1]] = False
-        for i, car in enumerate(self.line.cars):
+        for i, car in enumerate(self.line.cars_on_rope):
             if car.travel is not None:
                 slot = self.slot_set_by_travel(i)
                 self.free[slot] = False
@@ -170,5 +175,5 @@ class LineCoordinates(System):
     def segment_motion(self, coordinates: Coordinates) -> Motion:
         """Motion of the segments at one instant; coordinates : (size,) each."""
         nodal = [self.node_points(z)[self.nodes] for z in coordinates]
-        ends = [np.stack([z[self.s[:-1]], z[self.s[1:]]], axis=1) for z in coordinates]
-        return Motion(*nodal, *ends)
+        ends = np.stack([self.s[:-1], self.s[1:]], axis=1)  # slots (K, 2)
+        return Motion(*nodal, *(z[ends] for z in coordinates))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -94,7 +94,8 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
     """What the states show, with the rope at the stations s (m,)."""
     x = _History(system, states)
     line = system.line
-    contacts = tuple(_support_motion(x, k, c) for k, c in zip(system.supports, line.supports, strict=True))
+    supports = zip(system.supports, line.supports, strict=True)
+    contacts = tuple(_support_motion(x, k, support) for k, support in supports)
     cars, powers = _car_motions_and_powers(x)
     powers = _counterweight_powers(x) | powers
     for off_rope in system.off_rope.values():
@@ -104,7 +105,7 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
         cars.append(motion)
     kinetic = x.integral_over_rope(0.5 * system.segments.rho * dot(x.points.w, x.points.w))
     potential = -x.integral_over_rope(system.segments.q * x.points.y)
-    for car, motion in zip((*line.cars, *line.over), cars, strict=True):
+    for car, motion in zip((*line.cars_on_rope, *line.cars_off_rope), cars, strict=True):
         kinetic = kinetic + _car_kinetic_energy(car, motion)
         potential = potential - car.mass * line.gravity * motion.point[:, 1]
         if motion.turning is not None:
@@ -113,10 +114,17 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
             potential = potential - hung * line.gravity * below[:, 1]
     points, tension = _rope_points_and_tensions(x, s)
     return LineMotion(
-        t=x.t, cars=tuple(cars), contacts=contacts_with_shoe_forces(line, tuple(cars), contacts),
-        s=s, points=points, tension=tension,
-        kinetic=kinetic, strain=_rope_and_spring_energy(x), potential=potential, powers=powers,
-    )  # fmt: skip
+        t=x.t,
+        cars=tuple(cars),
+        contacts=contacts_with_shoe_forces(line, tuple(cars), contacts),
+        s=s,
+        points=points,
+        tension=tension,
+        kinetic=kinetic,
+        strain=_rope_and_spring_energy(x),
+        potential=potential,
+        powers=powers,
+    )
 
 
 def _rope_and_spring_energy(x: _History) -> Array:
@@ -160,16 +168,24 @@ def _car_kinetic_energy(car: Car, motion: CarMotion) -> Array:
 
 
 def _support_motion(x: _History, k: int, support: Contact) -> ContactMotion:
-    s = x.q[:, x.system.s[k]]
-    behind, ahead = x.tensions_beside(k)
+    slot = x.system.s[k]
+    s = x.q[:, slot]
+    tension_behind, tension_ahead = x.tensions_beside(k)
     rise = x.none
     if support.force is not None:
         taken_in = (s - s[0]) * (1.0 if k else -1.0)
         rise = (1.0 + support.force / x.system.line.rope.EA) * taken_in
     return ContactMotion(
-        name=support.name, kind=support.kind, s=s, ds=x.v[:, x.system.s[k]], point=x.contact_points(k, x.q),
-        tension_behind=behind, tension_ahead=ahead, pressure=-x.row_of_contact(k, x.end_node_rows), rise=rise,
-    )  # fmt: skip
+        name=support.name,
+        kind=support.kind,
+        s=s,
+        ds=x.v[:, slot],
+        point=x.contact_points(k, x.q),
+        tension_behind=tension_behind,
+        tension_ahead=tension_ahead,
+        pressure=-x.row_of_contact(k, x.end_node_rows),
+        rise=rise,
+    )
 
 
 def _car_motions_and_powers(x: _History) -> tuple[list[CarMotion], Powers]:
@@ -183,7 +199,7 @@ def _car_motions_and_powers(x: _History) -> tuple[list[CarMotion], Powers]:
     trolleys = {trolley.i: trolley for trolley in system.trolleys}
     motions = []
     powers: Powers = {}
-    for i, car in enumerate(system.line.cars):
+    for i, car in enumerate(system.line.cars_on_rope):
         if i in trolleys:
             motion, of_car = _trolley_motion_and_powers(x, trolleys[i], data)
         else:
@@ -214,27 +230,59 @@ def _slopes_and_motion_at_cars(x: _History) -> Array:
 def _point_car_motion(x: _History, i: int, cars: _CarsInMotion) -> CarMotion:
     """Motion of car i, which stands on one contact."""
     k = x.system.cars[i]
-    car = x.system.line.cars[i]
-    slot = x.system.s[k]
+    car = x.system.line.cars_on_rope[i]
     forces = cars.forces
-    behind, ahead = x.tensions_beside(k)
     own = cars.slopes_and_motion[:, i]
-    point = x.contact_points(k, x.q)
+    contact = _wheel_motion(x, car.name, k, forces.normal[:, i], (own[:, 0:2], own[:, 2:4]))
     missing_force = x.row_of_contact(k, x.end_node_rows) + forces.contact[:, i]
-    grip_force = x.row_of_contact(k, x.end_rows) / forces.stretch[:, i]
+    on_car = _ForcesOnCar(
+        haul=forces.haul[:, i],
+        grip=x.row_of_contact(k, x.end_rows) / forces.stretch[:, i],
+        contact=contact.load,
+        shoe=_force_on_shoe(car, contact.point, missing_force),
+    )
+    turning = None
+    if car.hanger is not None:
+        turning = _swing_motion(own[:, 9:12], contact.point, cars.data.arm[i])
+    return _car_motion(x, car, k, (contact, contact), on_car, turning)
+
+
+class _ForcesOnCar(NamedTuple):
+    """[N] as in `CarMotion`, (n,) each."""
+
+    haul: Array
+    grip: Array
+    contact: Array
+    shoe: Array
+
+
+def _car_motion(
+    x: _History, car: Car, k: int, wheels: Sequence[WheelMotion], forces: _ForcesOnCar, turning: Turning | None
+) -> CarMotion:
+    """Motion of a car from its rear and its front wheel, which is contact k; a car on one contact has it twice."""
+    rear, front = wheels
     return CarMotion(
-        name=car.name, s=x.q[:, slot], ds=x.v[:, slot], point=point, velocity=own[:, 4:6], acceleration=own[:, 6:8],
-        tension_behind=behind, tension_ahead=ahead, slope_behind=own[:, 0:2], slope_ahead=own[:, 2:4],
-        haul_force=forces.haul[:, i] if car.drive.mode == "haul" else x.none,
-        grip_force=grip_force if car.drive_kind == "grip" else x.none,
-        contact_force=forces.normal[:, i], shoe_force=_force_on_shoe(car, point, missing_force),
-        turning=None if car.hanger is None else _swing_motion(own[:, 9:12], point, cars.data.arm[i]),
-    )  # fmt: skip
+        name=car.name,
+        s=front.s,
+        ds=front.ds,
+        point=front.point,
+        velocity=x.contact_points(k, x.v),
+        acceleration=x.contact_points(k, x.a),
+        tension_behind=rear.tension_behind,
+        tension_ahead=front.tension_ahead,
+        slope_behind=rear.slope_behind,
+        slope_ahead=front.slope_ahead,
+        haul_force=forces.haul if car.drive.mode == "haul" else x.none,
+        grip_force=forces.grip if car.drive_kind == "grip" else x.none,
+        contact_force=forces.contact,
+        shoe_force=forces.shoe,
+        turning=turning,
+    )
 
 
 def _point_car_powers(x: _History, i: int, cars: _CarsInMotion, motion: CarMotion) -> Powers:
     """Powers of the forces on car i, which stands on one contact, by force."""
-    car = x.system.line.cars[i]
+    car = x.system.line.cars_on_rope[i]
     data = cars.data
     forces = cars.forces
     ds = motion.ds
@@ -292,21 +340,28 @@ def _trolley_motion_and_powers(x: _History, trolley: Trolley, data: CarLoadsAndM
     rope_rows = [x.row_of_contact(wheel, x.end_node_rows) for wheel in (k - 1, k)]
     inputs = trolley.force_inputs((x.q, x.v, x.a), np.concatenate(rope_rows, axis=1))
     forces = trolley.forces(data, inputs)
-    rear, front = _wheel_motions(x, trolley, forces.loads)
+    wheels = []
+    slopes = [*trolley.rope_slopes_at_wheels(x.q).swapaxes(0, 1)]  # (n, 2) each
+    for j, wheel in enumerate((k - 1, k)):
+        name = x.system.line.contacts_and_wheels[wheel].name
+        wheels.append(_wheel_motion(x, name, wheel, forces.loads[j], slopes[2 * j : 2 * j + 2]))
+    rear, front = wheels
     pitch = trolley.body[2]
-    centre = front.point + np.stack(forces.centre, axis=1)
     turning = Turning(
-        angle=x.q[:, pitch], rate=x.v[:, pitch], acceleration=x.a[:, pitch], centre=centre, wheels=(rear, front)
+        angle=x.q[:, pitch],
+        rate=x.v[:, pitch],
+        acceleration=x.a[:, pitch],
+        centre=front.point + np.stack(forces.centre, axis=1),
+        wheels=(rear, front),
     )
     row_of_s = x.row_of_contact(k, x.end_rows)
-    motion = CarMotion(
-        name=car.name, s=front.s, ds=front.ds, point=front.point, velocity=x.contact_points(k, x.v),
-        acceleration=x.contact_points(k, x.a), tension_behind=rear.tension_behind, tension_ahead=front.tension_ahead,
-        slope_behind=rear.slope_behind, slope_ahead=front.slope_ahead,
-        haul_force=car.mass * x.a[:, trolley.force] if car.drive.mode == "haul" else x.none,
-        grip_force=row_of_s / forces.stretch if car.drive_kind == "grip" else x.none,
-        contact_force=forces.loads[0] + forces.loads[1], shoe_force=np.zeros(x.t.size), turning=turning,
-    )  # fmt: skip
+    on_car = _ForcesOnCar(
+        haul=car.mass * x.a[:, trolley.force],
+        grip=row_of_s / forces.stretch,
+        contact=forces.loads[0] + forces.loads[1],
+        shoe=np.zeros(x.t.size),
+    )
+    motion = _car_motion(x, car, k, wheels, on_car, turning)
     return motion, _trolley_powers(car, forces, rear, front, row_of_s)
 
 
@@ -328,20 +383,22 @@ def _trolley_powers(
     return powers
 
 
-def _wheel_motions(x: _History, trolley: Trolley, loads: Sequence[Array]) -> list[WheelMotion]:
-    """Of the rear wheel and of the front one."""
-    slopes = trolley.rope_slopes_at_wheels(x.q).swapaxes(0, 1)  # (4, n, 2)
-    wheels = []
-    for j, k in enumerate((trolley.k - 1, trolley.k)):
-        slot = x.system.s[k]
-        behind, ahead = x.tensions_beside(k)
-        wheel = WheelMotion(
-            name=x.system.line.contacts_and_wheels[k].name, s=x.q[:, slot], ds=x.v[:, slot],
-            point=x.contact_points(k, x.q), load=loads[j], tension_behind=behind, tension_ahead=ahead,
-            slope_behind=slopes[2 * j], slope_ahead=slopes[2 * j + 1],
-        )  # fmt: skip
-        wheels.append(wheel)
-    return wheels
+def _wheel_motion(x: _History, name: str, k: int, load: Array, slopes: Sequence[Array]) -> WheelMotion:
+    """Motion of contact k of a car; slopes : behind and ahead (n, 2)."""
+    slot = x.system.s[k]
+    tension_behind, tension_ahead = x.tensions_beside(k)
+    slope_behind, slope_ahead = slopes
+    return WheelMotion(
+        name=name,
+        s=x.q[:, slot],
+        ds=x.v[:, slot],
+        point=x.contact_points(k, x.q),
+        load=load,
+        tension_behind=tension_behind,
+        tension_ahead=tension_ahead,
+        slope_behind=slope_behind,
+        slope_ahead=slope_ahead,
+    )
 
 
 def _car_loads_and_masses_over_time(x: _History) -> CarLoadsAndMasses:
@@ -349,24 +406,20 @@ def _car_loads_and_masses_over_time(x: _History) -> CarLoadsAndMasses:
     system = x.system
     slots = system.s[system.cars]
     ds = x.v[:, slots]
-    drives = [car.drive for car in system.line.cars]
-    each = [system.car_loads_and_masses(t, phase) for t, phase in zip(x.t.tolist(), x.phase, strict=True)]
+    data = []
+    for t, phase in zip(x.t.tolist(), x.phase, strict=True):
+        data.append(system.car_loads_and_masses(t, phase))
     before_jump = np.append(np.diff(x.t) <= 0.0, False)
     s = x.q[:, slots] - 1e-9 * before_jump[:, None]  # of two states at a brake the first is short of it
-
-    def brakes(force_at: Sequence[Callable[[Array], Any]]) -> Array:
-        forces = np.zeros_like(s)
-        for i, force in enumerate(force_at):
-            forces[:, i] = force(s[:, i])
-        return forces
-
-    return each[0]._replace(
-        thrust=np.array([cars.thrust for cars in each]),
-        hold=np.array([cars.hold for cars in each]),
-        brake=brakes([drive.brake_force for drive in drives]),
-        rear_brake=brakes([drive.rear_brake_force for drive in drives]),
-        sign=np.where(ds == 0.0, each[0].sign, np.sign(ds)),
-    )
+    brake = np.zeros_like(s)
+    rear_brake = np.zeros_like(s)
+    for i, car in enumerate(system.line.cars_on_rope):
+        brake[:, i] = car.drive.brake_force(s[:, i])
+        rear_brake[:, i] = car.drive.rear_brake_force(s[:, i])
+    thrust = np.array([cars.thrust for cars in data])
+    hold = np.array([cars.hold for cars in data])
+    sign = np.where(ds == 0.0, data[0].sign, np.sign(ds))
+    return data[0]._replace(thrust=thrust, hold=hold, brake=brake, rear_brake=rear_brake, sign=sign)
 
 
 def _rope_points_and_tensions(x: _History, s: Array) -> tuple[Array, Array]:

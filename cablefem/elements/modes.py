@@ -47,12 +47,16 @@ def scaled_frequencies(
     if model == "full":
         T, xp, yp = groups.tension_and_slope(s)
         axial = groups.alpha - T
+        of_u = stiffness(T + axial * xp * xp)
+        of_v = stiffness(T + axial * yp * yp)
         coupling = stiffness(axial * xp * yp)
-        K = block_array([[stiffness(T + axial * xp * xp), coupling], [coupling, stiffness(T + axial * yp * yp)]])
+        K = block_array([[of_u, coupling], [coupling, of_v]])
         M = block_array([[M, None], [None, M]])
     else:
         T_chord = 1.0 / groups.chord_cos
         slope = groups.sigma * groups.chord_cos / T_chord * (0.5 - s)
         sag = slope_times_gradient_form.assemble(basis, slope=slope)[inner]
-        K = stiffness(np.full_like(s, T_chord)) + STRETCHING[model][0] * groups.alpha * csr_array(np.outer(sag, sag))
-    return np.sqrt(eigh(K.toarray(), M.toarray(), eigvals_only=True, subset_by_index=(0, n - 1)))
+        stretching = STRETCHING[model][0] * groups.alpha * csr_array(np.outer(sag, sag))
+        K = stiffness(np.full_like(s, T_chord)) + stretching
+    squares = eigh(K.toarray(), M.toarray(), eigvals_only=True, subset_by_index=(0, n - 1))
+    return np.sqrt(squares)

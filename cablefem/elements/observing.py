@@ -291,7 +291,7 @@ def _station_fields(system: CableElements, along: StationFields, s: Array, rise:
     """Displacement, velocity and tension (k, m) at stations s (m,); rise : of the tension of one field (k,)."""
     g = system.groups
     direction = system.direction.T
-    T, xp, yp = g.tension_and_shape_derivatives(s)[:3]
+    T, xp, yp = g.tension_and_slope(s)
     if system.fields == 1:
         u, v = np.tensordot(direction, along.w, 1)  # (k, m) each
         du, dv = np.tensordot(direction, along.rate, 1)
@@ -336,7 +336,7 @@ def _tensions_and_reactions(
     """Tensions at the mass and reactions of the full cable; mesh_speed : at the mass (n,)."""
     X_s, T, behind, ahead = beside
     at_behind, at_ahead = beside.sections(system)
-    T_ends, x_ends, y_ends = system.groups.tension_and_shape_derivatives(np.array([0.0, 1.0]))[:3]
+    T_ends, x_ends, y_ends = system.groups.tension_and_slope(np.array([0.0, 1.0]))
     static_ends = np.stack([T_ends * x_ends, T_ends * y_ends])  # (2 fields, 2 ends)
     return {
         "T_behind": _tension_from_momentum(system, end_forces[1], mesh_speed, (X_s, T, behind)),

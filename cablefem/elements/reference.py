@@ -57,7 +57,8 @@ def shape_table(basis: skfem.Basis) -> Array:
     x = np.asarray(basis.global_coordinates())[0]
     fields = [basis.basis[k][0] for k in range(basis.Nbfun)]
     columns = [x, basis.dx, *(f.get(0) for f in fields), *(f.grad[0] for f in fields)]
-    return np.stack([np.broadcast_to(np.asarray(column), x.shape) for column in columns], axis=2)
+    of_all_points = [np.broadcast_to(np.asarray(column), x.shape) for column in columns]
+    return np.stack(of_all_points, axis=2)
 
 
 class QuadraturePoints(NamedTuple):
@@ -77,13 +78,10 @@ class QuadraturePoints(NamedTuple):
         column = np.repeat(dofs, n_q, axis=0)  # (p, n_loc)
         inner = column >= 0
         first = np.append(0, np.cumsum(inner.sum(axis=1)))  # entry of each row
-        of_points = tab.reshape(n_el * n_q, -1)
-        values, slopes = (
-            csr_array((functions[inner], column[inner], first), shape=(n_el * n_q, n))
-            for functions in (of_points[:, 2 : 2 + n_loc], of_points[:, 2 + n_loc :])
-        )
+        x, weights, *functions = np.split(tab.reshape(n_el * n_q, -1), [1, 2, 2 + n_loc], axis=1)
+        values, slopes = (csr_array((of[inner], column[inner], first), shape=(n_el * n_q, n)) for of in functions)
         behind = np.arange(n_el * n_q)[:, None] < n_left * n_q
-        return cls(of_points[:, :1], of_points[:, 1:2], behind, values, slopes)
+        return cls(x, weights, behind, values, slopes)
 
 
 class ReferenceMesh(NamedTuple):
@@ -106,7 +104,8 @@ class ReferenceMesh(NamedTuple):
 
 def element_unknowns(degree: int, n_el: int) -> NDArray[np.int64]:
     """Unknowns of each element in scikit-fem's order, numbered along the mesh, (n_el, n_loc)."""
-    return np.r_[0, degree, 1:degree] + degree * np.arange(n_el)[:, None]  # an element's nodes come first
+    of_first = np.r_[0, degree, 1:degree]  # an element's nodes come first
+    return of_first + degree * np.arange(n_el)[:, None]
 
 
 def assemble_bands(local_matrices: Array, dofs: NDArray[np.int64], n: int, b: int) -> Array:
@@ -124,8 +123,10 @@ def shape_integrals(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> 
     phi = tab[..., 2 : 2 + n_loc]
     phi_x = tab[..., 2 + n_loc :]
     out = np.zeros((n + 1, 4))  # last row: supports
-    for k, (function, power) in enumerate(((phi, 0), (phi, 1), (phi_x, 1), (phi_x, 2))):
-        np.add.at(out[:, k], dofs, np.einsum("eg,egk->ek", tab[..., 1] * chi**power, function))
+    integrands = [(phi, 0), (phi, 1), (phi_x, 1), (phi_x, 2)]  # function, and power of chi
+    for k, (function, power) in enumerate(integrands):
+        of_elements = np.einsum("eg,egk->ek", tab[..., 1] * chi**power, function)
+        np.add.at(out[:, k], dofs, of_elements)
     return out[:-1]
 
 
@@ -137,25 +138,34 @@ def reference_mesh(elements: int, degree: int, grading: float) -> ReferenceMesh:
     ahead /= ahead[-1]
     knots = np.concatenate([-ahead[:0:-1], ahead])
     mesh = skfem.MeshLine(knots)
-    sides = (slice(0, elements), slice(elements, None))
-    basis, of_forces = (
-        skfem.Basis(mesh, lagrange_element(degree), intorder=order)
-        for order in (2 * degree, force_quadrature_order(degree))
-    )
+    of_products = skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree)
+    of_forces = skfem.Basis(mesh, lagrange_element(degree), intorder=force_quadrature_order(degree))
     dofs = element_unknowns(degree, 2 * elements) - 1
     n = 2 * elements * degree - 1
     dofs[dofs == n] = -1
-    chi = 1.0 - abs(np.asarray(basis.global_coordinates())[0])
+    chi = 1.0 - abs(np.asarray(of_products.global_coordinates())[0])
     # local matrices: trial functions come first
-    M, GT, H = (form.coo_data(basis, chi=chi).tolocal() for form in (mass, transport_form, convection_form))
-    operators = [assemble_bands(local[x], dofs[x], n, degree) for local in (M, GT.swapaxes(1, 2), GT, H) for x in sides]
+    M, GT, H = (form.coo_data(of_products, chi=chi).tolocal() for form in (mass, transport_form, convection_form))
     forces = shape_table(of_forces)
-    inertia = shape_table(basis)
-    of_sides = np.array([shape_integrals(dofs[x], inertia[x], chi[x], n) for x in sides])
+    inertia = shape_table(of_products)
+    operators = []
+    moments = []
+    sides = [slice(0, elements), slice(elements, None)]
+    for local in (M, GT.swapaxes(1, 2), GT, H):
+        operators += [assemble_bands(local[side], dofs[side], n, degree) for side in sides]
+    for side in sides:
+        moments.append(shape_integrals(dofs[side], inertia[side], chi[side], n))
     for tab in (forces, inertia):
         tab[:elements, :, 0] += 1.0
-    at_force, at_inertia = (QuadraturePoints.from_table(dofs, tab, elements, n) for tab in (forces, inertia))
     return ReferenceMesh(
-        degree, knots, elements * degree - 1, dofs, forces, at_force, at_inertia, np.array(operators), of_sides,
-        shape_polynomial_coefficients(lagrange_element(degree)),
-    )  # fmt: skip
+        degree=degree,
+        knots=knots,
+        node=elements * degree - 1,
+        dofs=dofs,
+        forces=forces,
+        at_force=QuadraturePoints.from_table(dofs, forces, elements, n),
+        at_inertia=QuadraturePoints.from_table(dofs, inertia, elements, n),
+        operators=np.array(operators),
+        moments=np.array(moments),
+        shapes=shape_polynomial_coefficients(lagrange_element(degree)),
+    )

@@ -31,7 +31,7 @@ def coordinates_at_rest(
     prescribed = system.prescribed_coordinates(t, phase)
     free = system.free.copy()
     q = prescribed.q + time_shift * prescribed.v
-    for i, car in enumerate(system.line.cars):
+    for i, car in enumerate(system.line.cars_on_rope):
         if car.drive_kind == "free":
             free[system.slot_of_s(i)] = False
             q[system.slot_of_s(i)] = car.drive.start
@@ -204,7 +204,7 @@ def _guess_contact_x(system: LineBalance, q: Array) -> Array:
     if line.supports[0].kind == "counterweight":
         begin = (line.rope.length or 0.0) - along[-1]
     x = np.array([c.point[0] if isinstance(c, Contact) else 0.0 for c in line.contacts_and_wheels])
-    for i, car in enumerate(line.cars):
+    for i, car in enumerate(line.cars_on_rope):
         at = q[system.slot_set_by_travel(i)]
         x[system.cars[i]] = at if car.drive_kind == "haul_x" else np.interp(at - begin, along, points[:, 0])
     for trolley in system.trolleys:

@@ -76,12 +76,13 @@ class RollingElements(RollingCar, FollowingElements):
         self.reset()
         if not self.free:
             s_o, ds, _ = self.motion.position_with_rates(t, 0)
-            return newmark.quasi_static_start(self, self._hauled_car_at_rest, s_o, ds)
+            return newmark.quasi_static_start(self, self._solve_rest_of_hauled_car, s_o, ds)
         s_o = self.drive.start
         zero = np.zeros(self.n_dof)
-        x = State(t, np.append(solve_equilibrium(self.with_clamped_car(s_o)), s_o), zero, zero.copy(), 0)
+        q = np.append(solve_equilibrium(self.with_clamped_car(s_o)), s_o)
+        x = State(t, q, zero, zero.copy(), 0)
         alone = self._kernel_car._replace(drag=0.0, friction=0.0, brake=0.0)
-        self.hold = self._assemble_with_car(alone, np.zeros(3), np.array(x[1:4]), np.empty(self.n_dof)).row
+        self.hold = self._car_row(alone, np.zeros(3), x)
         return self.release_car(x)
 
     def needs_damped_steps(self, x: State, dt: float) -> bool:
@@ -90,7 +91,8 @@ class RollingElements(RollingCar, FollowingElements):
         return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > abrupt
 
     def _set_residual_and_tangent(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
-        self._assemble_with_car(self._kernel_car, self._drive_inputs(np.array(t), phase), x, r, factors)
+        drive_inputs = self._drive_inputs(np.array(t), phase)
+        self._assemble_with_car(self._kernel_car, drive_inputs, x, r, factors)
 
     def solve_steps(self, t: Array, *steps: Any) -> newmark.ManySteps:
         if not self.event_free_range_known:
@@ -102,7 +104,8 @@ class RollingElements(RollingCar, FollowingElements):
     def _set_start_of_event_search(self, ends: Array, taken: int) -> None:
         """Let events be looked for from the last tenth of the last step taken on; ends : [s] of all steps."""
         if taken > 1:
-            self.events_from = float(ends[taken - 2] + 0.9 * (ends[taken - 1] - ends[taken - 2]))
+            begin, end = ends[taken - 2 : taken].tolist()
+            self.events_from = begin + 0.9 * (end - begin)
 
     def _car_and_kernel_inputs(self, t: Array, phase: int) -> tuple[Any, Array]:
         bounds = self._event_bounds if len(t) > 1 else NO_BOUNDS
@@ -111,7 +114,8 @@ class RollingElements(RollingCar, FollowingElements):
     def _drive_inputs(self, t: Array, phase: int) -> Array:
         """`drive_inputs` of `kernels.Car` at t, (..., 3)."""
         if not self.free:
-            return np.ascontiguousarray(np.moveaxis(self.motion.positions_with_rates(t, phase), 0, -1))
+            kinematics = self.motion.positions_with_rates(t, phase)
+            return np.ascontiguousarray(np.moveaxis(kinematics, 0, -1))
         inputs = np.zeros((*t.shape, 3))
         drive = self.drive
         if t.min() < drive.release:
@@ -126,16 +130,20 @@ class RollingElements(RollingCar, FollowingElements):
 
         A hauled car has a margin: schemes may balance it before the end of the step.
         """
-        least_force = 0.1  # over weight, of a hauled car in compiled steps
-        margin = 0.0 if self.free else least_force * self.inertia * self.groups.sigma
-        keeps = self.event_free_range() if self.free else EventFreeRange(-math.inf, math.inf, 0.0, 0.0, 0.0)
-        return np.array([*keeps, -math.inf if self.mode.lifted_off else margin])
+        smallest_force = 0.0
+        bounds = EventFreeRange(-math.inf, math.inf, 0.0, 0.0, 0.0)
+        if self.free:
+            bounds = self.event_free_range()
+        else:
+            share = 0.1  # of the weight, of a hauled car in compiled steps
+            smallest_force = share * self.inertia * self.groups.sigma
+        return np.array([*bounds, -math.inf if self.mode.lifted_off else smallest_force])
 
     def collocate_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         many = not self.free or rule.c[-1] == 1.0
-        results = self._take_collocation_steps(
-            phase, steps if many and self.event_free_range_known else steps.first_steps(1), rule, newton
-        )
+        if not (many and self.event_free_range_known):
+            steps = steps.first_steps(1)
+        results = self._take_collocation_steps(phase, steps, rule, newton)
         self._set_start_of_event_search(steps.t[1:], len(results))
         return self._yield_results_noting_tension(results)
 
@@ -146,12 +154,13 @@ class RollingElements(RollingCar, FollowingElements):
         px, py = forces.velocity
         ex, ey = forces.outside
         weight = self.inertia * self.groups.sigma
-        return CarForces(forces.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
+        speed = px * tx + py * ty
+        along = ex * tx + (ey + weight) * ty
+        return CarForces(forces.normal, speed, along, weight * tx)
 
     def hold_and_normal_force(self, x: State) -> tuple[float, float]:
         forces = self._forces_on_car_at(x)
-        inputs = self._drive_inputs(np.array(x.t), x.phase)
-        needed = self._assemble_with_car(self._kernel_car, inputs, np.array(x[1:4]), np.empty(self.n_dof)).row
+        needed = self._car_row(self._kernel_car, self._drive_inputs(np.array(x.t), x.phase), x)
         return needed / forces.stretch, forces.normal
 
     def solve_acceleration(self, x: State) -> State:
@@ -162,9 +171,8 @@ class RollingElements(RollingCar, FollowingElements):
         fixed = self.node, self.inertia, self.groups.sigma, *self._air
         if not self.free:
             return kernels.Car(kernels.HAUL, *fixed, 0.0, 1.0)
-        return kernels.Car(
-            kernels.HELD if self.mode.sticks else kernels.FREE, *fixed, self.brake_force, self.mode.slip_sign
-        )
+        mode = kernels.HELD if self.mode.sticks else kernels.FREE
+        return kernels.Car(mode, *fixed, self.brake_force, self.mode.slip_sign)
 
     def _forces_on_car_at(self, x: State) -> kernels.ForcesOnCar:
         inputs = self._drive_inputs(np.array(x.t), x.phase)
@@ -180,22 +188,27 @@ class RollingElements(RollingCar, FollowingElements):
         self.min_tension_and_position = balance.min_tension, balance.min_at
         return balance
 
+    def _car_row(self, car: kernels.Car, drive_inputs: Array, x: State) -> float:
+        """Left side of the row of s_o: the force along the cable that the car lacks."""
+        return self._assemble_with_car(car, drive_inputs, np.array(x[1:4]), np.empty(self.n_dof)).row
+
     def with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest with the car clamped to it."""
-        return FollowingElements(replace(self.groups, motion=rest_motion(s_o, 1.0), drive=GRIP), **self._at_rest)
+        at_rest = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=GRIP)
+        return FollowingElements(at_rest, **self._at_rest)
 
-    def _hauled_car_at_rest(self, s_o: float) -> Array:
+    def _solve_rest_of_hauled_car(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
-        on_its_rope = HauledCarAtRest(still, **self._at_rest)
-        return np.append(
-            solve_equilibrium_on_haul_rope(on_its_rope, solve_equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0
-        )
+        clamped = solve_equilibrium(self.with_clamped_car(s_o))
+        on_its_rope = solve_equilibrium_on_haul_rope(HauledCarAtRest(still, **self._at_rest), clamped)
+        return np.append(on_its_rope[:-1], 0.0)
 
     def _mass_kinematics(self, states: States) -> Array:
         if not self.free:
             return super()._mass_kinematics(states)
-        return np.stack([states.q[:, -1], states.v[:, -1], states.a[:, -1]], axis=1)
+        s_o, ds, dds = (x[:, -1] for x in (states.q, states.v, states.a))
+        return np.stack([s_o, ds, dds], axis=1)
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         """Adds the power of each force on the car."""
@@ -206,23 +219,23 @@ class RollingElements(RollingCar, FollowingElements):
         tau = mean / np.linalg.norm(mean, axis=1)[:, None]
         stretch = 0.5 * (np.linalg.norm(o.slope_behind, axis=1) + np.linalg.norm(o.slope_ahead, axis=1))
         driving_force = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
+        driving = driving_force[:, None] * tau
         air = o.path_velocity - np.array([drive.wind, 0.0])
-        outside = {
-            "thrust" if self.free else "haul": driving_force[:, None] * tau,
-            "drag": -drive.k * np.linalg.norm(air, axis=1)[:, None] * air,
-        }
-        contact = o.contact + sum(outside.values())
+        drag = -drive.k * np.linalg.norm(air, axis=1)[:, None] * air
+        contact = o.contact + (driving + drag)
         normal = np.abs(contact[:, 1] * tau[:, 0] - contact[:, 0] * tau[:, 1])
-        powers = {name: np.sum(force * o.path_velocity, axis=1) for name, force in outside.items()}
+        powers = {}
+        powers["thrust" if self.free else "haul"] = np.sum(driving * o.path_velocity, axis=1)
+        powers["drag"] = np.sum(drag * o.path_velocity, axis=1)
         powers["friction"] = -stretch * drive.mu_r * normal * np.abs(ds)
         if self.free:
+            held = np.array([drive.remaining_hold_fraction(t) for t in states.t])
             powers["brake"] = -stretch * drive.brake_force(o.s_o) * np.abs(ds)
-            powers["hold"] = self.hold * np.array([drive.remaining_hold_fraction(t) for t in states.t]) * ds
+            powers["hold"] = self.hold * held * ds
         powers |= o.powers
-        pulled = not self.free or bool(drive.thrust_table)
-        return replace(
-            o, contact=contact, powers=powers, power=sum(powers.values()), haul=driving_force if pulled else o.haul
-        )
+        driven = not self.free or bool(drive.thrust_table)
+        haul = driving_force if driven else o.haul
+        return replace(o, contact=contact, powers=powers, power=sum(powers.values()), haul=haul)
 
 
 class HauledCarAtRest(RollingElements):

@@ -40,35 +40,37 @@ class LineElements(LineBalance):
     def _set_event_watchers(self) -> None:
         """Set what the events watch."""
         line = self.line
-        contacts = self.line.contacts_and_wheels
+        contacts = line.contacts_and_wheels
         self.passages = possible_passages(line)
         self._gaps = [k for k in range(len(contacts) - 1) if self._may_meet(contacts[k], contacts[k + 1])]
-        free = [(i, car.drive) for i, car in enumerate(line.cars_on_rope) if car.drive_kind == "free"]
-        self._stops = [i for i, drive in free if drive.has_friction_or_brakes]
-        self._brakes = [(i, position) for i in self._stops for position, _ in line.cars_on_rope[i].drive.brakes]
-        # number of the car of each wheel or point that may lift off
-        self._pressing = [i for i, car in enumerate(line.cars_on_rope) for _ in range(1 if car.wheels is None else 2)]
+        self._stops: list[int] = []  # cars that friction or brakes may stop
+        self._brakes: list[tuple[int, float]] = []  # a car, and where one of its brakes begins
+        self._pressing: list[int] = []  # the car of each wheel or point that may lift off
+        for i, car in enumerate(line.cars_on_rope):
+            self._pressing += [i] if car.wheels is None else [i, i]
+            if car.drive_kind == "free" and car.drive.has_friction_or_brakes:
+                self._stops.append(i)
+                self._brakes += [(i, position) for position, _ in car.drive.brakes]
 
     def _event_names(self) -> list[str]:
         """In the order of `event_values`."""
-        line = self.line
         contacts = self.line.contacts_and_wheels
-        stopping = [line.cars[i].name for i in self._stops]
+        cars = [car.name for car in self.line.cars_on_rope]
         names = [meeting_event_name(contacts[k], contacts[k + 1]) for k in self._gaps]
-        names += [f"{name} stops" for name in stopping]
-        names += [f"{line.cars_on_rope[i].name} brakes" for i, _ in self._brakes]
+        names += [f"{cars[i]} stops" for i in self._stops]
+        names += [f"{cars[i]} brakes" for i, _ in self._brakes]
         names += [lift_off_event_name(c) for c in contacts if not isinstance(c, Contact)]
         names += ["rope falls slack"]
-        names += [f"rope lifts off {c.name}" for c in line.supports[1:-1]]
-        names += [f"{name} breaks loose" for name in stopping]
+        names += [f"rope lifts off {c.name}" for c in self.line.supports[1:-1]]
+        names += [f"{cars[i]} breaks loose" for i in self._stops]
         return names + [str(p) for p in self.passages]
 
     def _may_meet(self, first: Contact | Car | Wheel, second: Contact | Car | Wheel) -> bool:
         """Whether two neighbours may meet: one of them is a car, and neither passes the other over a shoe."""
         if isinstance(first, Contact) and isinstance(second, Contact):
             return False
-        names = [c.car.name if isinstance(c, Wheel) else c.name for c in (first, second)]
-        return names[0] != names[1] and not passage_exists_between(self.passages, *names)
+        one, other = (c.car.name if isinstance(c, Wheel) else c.name for c in (first, second))
+        return one != other and not passage_exists_between(self.passages, one, other)
 
     # --- start ---------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
@@ -108,7 +110,7 @@ class LineElements(LineBalance):
     def set_travel_directions(self, phase: int) -> None:
         """Set the directions of prescribed cars."""
         self._steady_cars = None
-        for i, car in enumerate(self.line.cars):
+        for i, car in enumerate(self.line.cars_on_rope):
             if car.travel:
                 self.signs[i] = self.line.travel_direction(car, phase)
 
@@ -118,7 +120,7 @@ class LineElements(LineBalance):
         y = self.slopes_and_motion_at_cars(x)
         stretch = forces_on_cars(held, y).stretch
         self.hold = self.balance_rows(t, x, phase, RopeAndCars(self.law, held))[slots] / stretch
-        free = [i for i, car in enumerate(self.line.cars) if car.drive_kind == "free"]
+        free = [i for i, car in enumerate(self.line.cars_on_rope) if car.drive_kind == "free"]
         for i in free:
             self._set_brakes(i, x.q[slots[i]])
         now = self.car_loads_and_masses(t, phase)
@@ -129,10 +131,10 @@ class LineElements(LineBalance):
         frictionless = now._replace(hold=none, brake=none, friction=none)
         needed = self.balance_rows(t, x, phase, RopeAndCars(self.law, frictionless))[slots] / stretch
         projection = vector_length(y[:, 0:2] + y[:, 2:4]) / (2.0 * stretch)  # |<r'>|/<lam>
-        needed -= now.thrust * np.cos([car.drive.thrust_angle for car in self.line.cars]) / projection
+        needed -= now.thrust * np.cos([car.drive.thrust_angle for car in self.line.cars_on_rope]) / projection
         for i in free:
             self.signs[i] = -np.sign(needed[i]) or 1.0
-            car = self.line.cars[i]
+            car = self.line.cars_on_rope[i]
             holding = car.drive.mu_r * loads[i] + self.brakes[i]
             if car.drive.has_friction_or_brakes and abs(needed[i]) <= holding:
                 cause = f"friction or brakes hold {car.name} where it begins"
@@ -164,7 +166,7 @@ class LineElements(LineBalance):
 
     def _set_brakes(self, i: int, s: float) -> None:
         """Set the brakes of car i at s."""
-        drive = self.line.cars[i].drive
+        drive = self.line.cars_on_rope[i].drive
         self.brakes[i] = drive.brake_force(s)
         self.rear_brakes[i] = drive.rear_brake_force(s)
 
@@ -243,7 +245,7 @@ class LineElements(LineBalance):
     def car_point_and_rates(self, car: str, x: State) -> Array:
         """Point of a car with its rates (3, 2)."""
         z = np.array(self.coordinates_from_unknowns(*x))
-        for k, on_rope in zip(self.cars, self.line.cars, strict=True):
+        for k, on_rope in zip(self.cars, self.line.cars_on_rope, strict=True):
             if on_rope.name == car:
                 return z[:, 2 * self.node[k] + np.arange(2)]
         return self.off_rope[car].points_with_rates(np.array([x.t]), z[:, None], x.phase)[0]
@@ -252,11 +254,13 @@ class LineElements(LineBalance):
         """Contact forces [N] of all that may lift off; `rows` and `loads` are those of x."""
         if not self.cars:
             return []
-        by_car: dict[int, Any] = {i: [load] for i, load in zip(self.points, loads[:-1].tolist(), strict=True)}
+        by_car: dict[int, Any] = {}
+        for i, load in zip(self.points, loads[:-1].tolist(), strict=True):
+            by_car[i] = [load]
         for trolley in self.trolleys:
             inputs = trolley.force_inputs(x, rows[trolley.points.ravel()])
             by_car[trolley.i] = trolley.forces(cars, inputs).loads
-        for i, car in enumerate(self.line.cars):
+        for i, car in enumerate(self.line.cars_on_rope):
             if car.rail is not None:
                 by_car[i] = [np.inf]
         return [load for i in range(len(by_car)) for load in by_car[i]]
@@ -291,7 +295,8 @@ class LineElements(LineBalance):
 
     def _run_goes_on(self, x: State) -> bool:
         """Whether a free car rolls, or a force or a travel is still to change."""
-        rolling = any(car.drive_kind == "free" and not self._sticks(i) for i, car in enumerate(self.line.cars_on_rope))
+        free = [i for i, car in enumerate(self.line.cars_on_rope) if car.drive_kind == "free"]
+        rolling = not all(self._sticks(i) for i in free)
         return rolling or self.line.travel_or_force_changes_after(x.t, x.phase)
 
     def observe(self, states: Sequence[State], s: Array) -> LineMotion:
