@@ -9,7 +9,7 @@ import itertools
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,14 @@ class Travel(Protocol):
 
     def position_with_rates(self, t: float, phase: int) -> tuple[float, float, float]:
         """Position, velocity and acceleration, smooth beyond the ends of the phase."""
+
+
+class TravelEnd(NamedTuple):
+    """The end of a travel, with its velocity then."""
+
+    t: float
+    position: float
+    velocity: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +86,16 @@ class Car:
     travel: Travel | None = None  # [m] prescribed s, or x of a hauled car
     along: Literal["s", "x"] = "s"  # what `travel` prescribes
     rail: Rail | None = None  # its path while it is on a shoe
+
+    @property
+    def travel_end(self) -> TravelEnd | None:
+        """Where and how a prescribed travel ends."""
+        if self.travel is None:
+            return None
+        last = len(self.travel.phases) - 1
+        t = self.travel.phases[last][1]
+        position, velocity, _ = self.travel.position_with_rates(t, last)
+        return TravelEnd(t, position, velocity)
 
     @property
     def drive_kind(self) -> DriveMode | Literal["haul_x"]:
@@ -169,8 +187,8 @@ class MovingLine:
         i = self._car_phase_numbers[car.name][phase]
         if i < len(car.travel.phases):
             return car.travel.position_with_rates(t, i)
-        end = car.travel.phases[-1][1]
-        return car.travel.position_with_rates(end, len(car.travel.phases) - 1)[0], 0.0, 0.0
+        assert car.travel_end is not None
+        return car.travel_end.position, 0.0, 0.0
 
     def point_with_rates_off_rope(self, car: Car, t: float, phase: int, saddle_s_with_rates: Array) -> Array:
         """x and y with their rates (3, 2) of a car in `cars_off_rope`; saddle_s_with_rates : (3,)."""

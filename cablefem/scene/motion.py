@@ -35,15 +35,23 @@ class Motion:
 
     phases: tuple[tuple[float, float], ...]  # consecutive [t0, t1]
     pieces: tuple[tuple[Piece, ...], ...]  # of each phase
-    end: float  # s_o at the end of travel
+    end_position: float
+
+    @property
+    def end_time(self) -> float:
+        return self.phases[-1][1]
+
+    @property
+    def end_speed(self) -> float:
+        return self.position_with_rates(self.end_time, len(self.phases) - 1)[1]
 
     def position_with_rates(self, t: float, phase: int) -> tuple[float, float, float]:
         """(s_o, ds_o/dt, d2s_o/dt2) by the polynomials of a phase, also beyond its ends."""
         pieces = self.pieces[phase]
         index = bisect.bisect_right(pieces, t, key=lambda piece: piece.start) - 1 if len(pieces) > 1 else 0
         s, ds, dds = pieces[max(0, index)](t)
-        if t == self.phases[-1][1]:
-            s = self.end  # without rounding
+        if t == self.end_time:
+            s = self.end_position  # without rounding
         return s, ds, dds
 
     def positions_with_rates(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
@@ -51,7 +59,7 @@ class Motion:
         first, last = self._piece_range_by_phase[:, phase]
         piece = np.minimum(np.maximum(self._piece_index(t), first), last)
         out = np.array(self._piece_columns(piece)(t))
-        out[0, t == self.phases[-1][1]] = self.end
+        out[0, t == self.end_time] = self.end_position
         return out
 
     def times_of_mean_positions(self, t0: np.ndarray, t1: np.ndarray, end_weight: float, phase: int) -> np.ndarray:
@@ -76,9 +84,9 @@ class Motion:
 
     def position(self, t: Any) -> np.ndarray:
         """s_o at t, same shape; constant outside the travel."""
-        stop = self.phases[-1][1]
-        t = np.clip(np.asarray(t, dtype=float), 0.0, stop)
-        return np.where(t == stop, self.end, self._piece_columns(self._piece_index(t))(t)[0])
+        t = np.clip(np.asarray(t, dtype=float), 0.0, self.end_time)
+        s, _, _ = self._piece_columns(self._piece_index(t))(t)
+        return np.where(t == self.end_time, self.end_position, s)
 
     def time_at_position(self, s_o: float) -> float:
         """When the mass comes to s_o; ValueError if never."""
@@ -86,11 +94,11 @@ class Motion:
 
     def times_at_positions(self, s_o: np.ndarray) -> np.ndarray:
         """`time_at_position` of many positions (n,), by bisection to the last bit."""
-        outside = s_o[~((self.start_position <= s_o) & (s_o <= self.end))]
+        outside = s_o[~((self.start_position <= s_o) & (s_o <= self.end_position))]
         if outside.size:
-            travel = f"its travel covers [{self.start_position:g}, {self.end!r}]"
+            travel = f"its travel covers [{self.start_position:g}, {self.end_position!r}]"
             raise ValueError(f"the mass is never at s_o = {outside.tolist()[0]!r}: {travel}")
-        times = np.append(self._piece_table[0], self.phases[-1][1])
+        times = np.append(self._piece_table[0], self.end_time)
         positions = self.position(times)
         k = np.searchsorted(positions, s_o, side="left")
         low = times[np.where(positions[k] == s_o, k, k - 1)]
@@ -145,19 +153,21 @@ class Motion:
     def shifted(self, distance: float) -> Motion:
         """The same motion, all positions so much farther."""
         pieces = tuple(tuple(p._replace(c0=p.c0 + distance) for p in pieces) for pieces in self.pieces)
-        return Motion(self.phases, pieces, self.end + distance)
+        return Motion(self.phases, pieces, self.end_position + distance)
 
     def followed_by_stop(self, duration: float, acceleration: float) -> Motion:
         """The same motion, then with `acceleration` to rest after `duration`; 0: at rest."""
-        t = self.phases[-1][1]
-        s, v, _ = self.position_with_rates(t, len(self.phases) - 1)
-        end = s if acceleration == 0.0 else s + 0.5 * v * duration
-        piece = Piece(t, t + duration, end, 0.0, 0.5 * acceleration)
-        return Motion((*self.phases, (t, t + duration)), (*self.pieces, (piece,)), end)
+        begin = self.end_time
+        end = begin + duration
+        position, speed, _ = self.position_with_rates(begin, len(self.phases) - 1)
+        if acceleration != 0.0:
+            position += 0.5 * speed * duration
+        piece = Piece(begin, end, position, 0.0, 0.5 * acceleration)
+        return Motion((*self.phases, (begin, end)), (*self.pieces, (piece,)), position)
 
     def cut_at(self, t_end: float) -> Motion:
         """The motion up to t_end."""
-        if t_end >= self.phases[-1][1]:
+        if t_end >= self.end_time:
             return self
         phases = tuple((t0, min(t1, t_end)) for t0, t1 in self.phases if t0 < t_end)
         pieces = tuple(tuple(p for p in pieces if p.start < t_end) for pieces in self.pieces[: len(phases)])
@@ -165,13 +175,14 @@ class Motion:
 
     def in_units(self, length: float, time: float) -> Motion:
         """The motion over these units of length and time."""
-        units = np.array([time, time, *(length / time**k for k in range(4))])
+        of_coefficients = [length / time**k for k in range(4)]
+        units = np.array([time, time, *of_coefficients])  # of the fields of a piece
 
         def scale(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
             return tuple(Piece(*row) for row in (np.array(pieces) / units).tolist())
 
         phases = tuple((t0 / time, t1 / time) for t0, t1 in self.phases)
-        return Motion(phases, tuple(map(scale, self.pieces)), self.end / length)
+        return Motion(phases, tuple(map(scale, self.pieces)), self.end_position / length)
 
     @cached_property
     def _piece_table(self) -> np.ndarray:

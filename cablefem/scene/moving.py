@@ -48,29 +48,26 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     ]
     empty = EmptyLine(state.s * thermal_stretch, np.array([c.point[0] for c in contacts]))
     cars = [_moving_car(car, len(contacts) > 2, thermal_stretch) for car in line.car]
-    range_faults: list[str] = []
+    faults: list[str] = []
     for table, car in zip(line.car, cars, strict=True):
         last = empty.right_end_position(car)
-        range_faults += [*_travel_range_faults(table, car, last), *_brake_faults(car, last)]
-    _raise_if_any(range_faults)
-    positions = {c.name: c.point[0] for c in contacts} | {
-        car.name: empty.x_of_position(car, _start_position(car)) for car in cars
-    }
+        faults += [*_travel_range_faults(table, car, last), *_brake_faults(car, last)]
+    _raise_if_any(faults)
+    start_x = {car.name: empty.x_of_position(car, _start_position(car)) for car in cars}
     passing = {car.name: _saddles_passed(car, contacts, empty) for car in cars}
-    _raise_if_any([*_order_faults(cars, positions), *_unpassable_saddle_faults(cars, passing, positions)])
+    _raise_if_any([*_order_faults(cars, start_x), *_unpassable_saddle_faults(cars, passing, start_x)])
+    x = {c.name: c.point[0] for c in contacts} | start_x
     everything: list[Contact | Car] = [*contacts, *cars]
-    moving_line = MovingLine(
-        rope=_rope_at_temperature(line, float(empty.s[-1]), thermal_stretch),
-        contacts=tuple(sorted(everything, key=lambda c: positions[c.name])),
-        t_end=max(map(_end_time, cars), default=0.0), gravity=line.gravity, solve=solve,
-    )  # fmt: skip
-    ends_and_wheels = [*_ends_in_motion_faults(moving_line), *_rear_wheel_start_faults(moving_line)]
-    _raise_if_any([*ends_and_wheels, *_meeting_faults(moving_line, passing, empty)])
-    weights: list[str] = []
+    everything.sort(key=lambda c: x[c.name])
+    rope = _rope_at_temperature(line, float(empty.s[-1]), thermal_stretch)
+    t_end = max(map(_end_time, cars), default=0.0)
+    moving_line = MovingLine(rope=rope, contacts=tuple(everything), t_end=t_end, gravity=line.gravity, solve=solve)
+    faults = [*_ends_in_motion_faults(moving_line), *_rear_wheel_start_faults(moving_line)]
+    _raise_if_any([*faults, *_meeting_faults(moving_line, passing, empty)])
     for car in cars:
         for saddle in passing[car.name]:
-            weights += _too_heavy_for_shoe_faults(moving_line, car, saddle)
-    _raise_if_any(weights)
+            faults += _too_heavy_for_shoe_faults(moving_line, car, saddle)
+    _raise_if_any(faults)
     return moving_line
 
 
@@ -136,13 +133,17 @@ def _order_faults(cars: Sequence[Car], start_x: Mapping[str, float]) -> list[str
 
 def _saddles_passed(car: Car, contacts: Sequence[Contact], empty: EmptyLine) -> list[Contact]:
     """Saddles that a car with a travel comes to."""
-    if car.travel is None:
+    end = car.travel_end
+    if end is None:
         return []
-    last = len(car.travel.phases) - 1
-    positions = (_start_position(car), car.travel.position_with_rates(car.travel.phases[last][1], last)[0])
-    low, high = sorted(empty.x_of_position(car, position) for position in positions)
+    low, high = sorted(empty.x_of_position(car, position) for position in (_start_position(car), end.position))
     base = 0.0 if car.wheels is None else car.wheels.base
-    return [c for c in contacts[1:-1] if low - base - (c.shoe or 0.0) <= c.point[0] <= high + (c.shoe or 0.0)]
+    passed = []
+    for saddle in contacts[1:-1]:
+        shoe = saddle.shoe or 0.0
+        if low - base - shoe <= saddle.point[0] <= high + shoe:
+            passed.append(saddle)
+    return passed
 
 
 def _unpassable_saddle_faults(
@@ -163,7 +164,8 @@ def _unpassable_saddle_faults(
 
 def _too_heavy_for_shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
     """Fault of a car that is too heavy for the rope at the ends of a shoe, where all others are off the rope."""
-    weight, shoe = car.mass * line.gravity, saddle.shoe or 0.0
+    weight = car.mass * line.gravity
+    shoe = saddle.shoe or 0.0
     assert line.solve is not None
     heaviest = 0.3  # M g/N of a car that runs over a shoe
     for x in (saddle.point[0] - shoe, saddle.point[0] + shoe):
@@ -172,11 +174,13 @@ def _too_heavy_for_shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> I
         ]
         stations.append(car.station_at(x, line.gravity))
         stations.sort(key=lambda p: p.x)
-        state = line.solve([Case(tuple(stations), line.weight_per_length, line.rope.EA, length=line.rope.length)])[0]
+        case = Case(tuple(stations), line.weight_per_length, line.rope.EA, length=line.rope.length)
+        state = line.solve([case])[0]
         if isinstance(state, NoLineAtRest):
             yield f"car.{car.name}: does not come onto the shoe of {saddle.name}: {state}"
             return
-        N = float(np.nanmin(state.station_tensions[[p.name for p in stations].index(saddle.name)]))
+        names = [p.name for p in stations]
+        N = float(np.nanmin(state.station_tensions[names.index(saddle.name)]))
         if weight > heaviest * N:
             ratio = f"M g/N = {weight / N:.3g} at the shoe of {saddle.name}; must be <= {heaviest:g}"
             yield f"car.{car.name}.mass = {car.mass:.6g} kg: {ratio}, or it does not run over it"
@@ -186,13 +190,10 @@ def _too_heavy_for_shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> I
 def _ends_in_motion_faults(line: MovingLine) -> Iterator[str]:
     """Cars whose timetable ends in motion, before that of another car."""
     for car in line.cars_on_rope:
-        if car.travel is None:
-            continue
-        end = car.travel.phases[-1][1]
-        speed = car.travel.position_with_rates(end, len(car.travel.phases) - 1)[1]
-        if end < line.t_end and abs(speed) > 1e-9:
+        end = car.travel_end
+        if end is not None and end.t < line.t_end and abs(end.velocity) > 1e-9:
             must = f"must be 0, for another car moves until {line.t_end:.6g} s"
-            yield f"car.{car.name}.travel: {speed:.6g} m/s at its end, {end:.6g} s; {must}"
+            yield f"car.{car.name}.travel: {end.velocity:.6g} m/s at its end, {end.t:.6g} s; {must}"
 
 
 def _rear_wheel_start_faults(line: MovingLine) -> Iterator[str]:

@@ -341,7 +341,7 @@ class Scene(Described):
         """End of the ride [s], of a free car quasi-static; None without a car."""
         if self.ride is not None:
             return self.ride.duration * self.time_scale
-        return None if self._motion is None else self._motion.phases[-1][1]
+        return None if self._motion is None else self._motion.end_time
 
     arrival = arrival_time  # its name in 0.3.0
 
@@ -354,8 +354,8 @@ class Scene(Described):
         if self.drive.mode != "haul":
             return motion
         end = self.drive.end_position(self.length)
-        if motion.end > end:
-            motion = replace(motion.cut_at(motion.time_at_position(end)), end=end)
+        if motion.end_position > end:
+            motion = replace(motion.cut_at(motion.time_at_position(end)), end_position=end)
         return motion if self.drive.end is None else motion.cut_at(self.drive.end.time or math.inf)
 
     @property
@@ -385,9 +385,13 @@ class Scene(Described):
             return self._groups_with(motion, self._free_ride_and_drive[1])
         if motion is None or self.drive.mode == "grip":
             return self._groups_with(motion, GRIP)
-        end = motion.phases[-1][1]
+        end = motion.end_time
         drive = replace(
-            self._dimensionless_drive, start=motion.start_position, end_time=end, end_position=motion.end, nominal=end
+            self._dimensionless_drive,
+            start=motion.start_position,
+            end_time=end,
+            end_position=motion.end_position,
+            nominal=end,
         )
         return self._groups_with(motion, drive)
 

@@ -55,21 +55,19 @@ class Law(Part):
             jerk = getattr(self, "jerk", None)
             return f"jerk = {jerk!r}: not yet from a support; must be let in on the way by from"
         stopped = self._with_stop_braking(law)
-        end = law.phases[-1][1]
+        end = law.end_time
         if self.stop is not None and self.stop.time >= end:
             return f"stop.time = {self.stop.time!r}: must be < {end:.6g} s, the end of the travel"
-        if self.stop is not None and stopped.end > distance * (1.0 + ROUNDING):
-            where = f"stop.deceleration = {self.stop.deceleration!r}"
-            return (
-                f"{where}: the mass comes to rest at {begin + stopped.end:.6g} m; must be by {begin + distance:.6g} m"
-            )
-        return self._rest_fault(stopped, begin + stopped.end, length) if self.rest else ""
+        if self.stop is not None and stopped.end_position > distance * (1.0 + ROUNDING):
+            at_rest = f"the mass comes to rest at {begin + stopped.end_position:.6g} m"
+            must = f"must be by {begin + distance:.6g} m"
+            return f"stop.deceleration = {self.stop.deceleration!r}: {at_rest}; {must}"
+        return self._rest_fault(stopped, begin + stopped.end_position, length) if self.rest else ""
 
     def _rest_fault(self, motion: Motion, end: float, length: float) -> str:
         """Fault of a rest after a travel that ends at `end` [m] on a cable of this length [m]."""
-        _, speed, _ = motion.position_with_rates(motion.phases[-1][1], len(motion.phases) - 1)
-        if abs(speed) > ROUNDING * motion.top_speed:
-            moves = f"the mass still moves with {speed:.4g} m/s at the end of its travel"
+        if abs(motion.end_speed) > ROUNDING * motion.top_speed:
+            moves = f"the mass still moves with {motion.end_speed:.4g} m/s at the end of its travel"
             return f"rest = {self.rest!r}: {moves}; must stop"
         if end >= length:
             return f"rest = {self.rest!r}: the mass is on the far support then; must stop before {length:.6g} m"
@@ -295,7 +293,7 @@ class Table(Law):
         if slowest < -1e-12 * motion.top_speed:
             return self._backwards_fault(t)
         _, ds, dds = motion.position_with_rates(0.0, 0)
-        if self.position is None and ds == 0.0 and dds * motion.phases[-1][1] <= AT_REST * motion.top_speed:
+        if self.position is None and ds == 0.0 and dds * motion.end_time <= AT_REST * motion.top_speed:
             return "positions: the mass enters without speed and acceleration; must have one of them at t = 0"
         return ""
 

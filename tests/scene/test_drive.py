@@ -149,10 +149,10 @@ def test_a_hauled_car_runs_its_law_between_start_and_end():
     scene = Scene.from_toml(HAUL.replace(TRAVEL, law) + "start = 10.0\nend = {place = 310.0}")
     motion = scene.groups.motion
     assert motion.start_position * scene.length == pytest.approx(10.0, rel=1e-14)
-    assert motion.end * scene.length == pytest.approx(310.0, rel=1e-14)
+    assert motion.end_position * scene.length == pytest.approx(310.0, rel=1e-14)
     assert scene.arrival_time == pytest.approx(5.0 / 3.0 * 300.0 / 6.0, rel=1e-14)
     (s0, v0, _), (s1, v1, _) = motion.position_with_rates(0.0, 0), motion.position_with_rates(motion.phases[-1][1], 2)
-    assert (v0, v1, s1) == (0.0, 0.0, motion.end)
+    assert (v0, v1, s1) == (0.0, 0.0, motion.end_position)
     assert s0 == motion.start_position
     assert motion.time_at_position(motion.start_position) == 0.0
     with pytest.raises(ValueError, match="never at"):
@@ -161,11 +161,13 @@ def test_a_hauled_car_runs_its_law_between_start_and_end():
     assert (d.mode, d.start, d.end_position, d.nominal) == (
         "haul",
         motion.start_position,
-        motion.end,
+        motion.end_position,
         motion.phases[-1][1],
     )
     default = Scene.from_toml(HAUL)
-    assert (default.groups.motion.start_position, default.groups.motion.end) == pytest.approx((0.01, 0.99), rel=1e-13)
+    assert (default.groups.motion.start_position, default.groups.motion.end_position) == pytest.approx(
+        (0.01, 0.99), rel=1e-13
+    )
     assert default.arrival_time == pytest.approx(0.98 * 330.0 / 14.0, rel=1e-13)
     assert Scene.from_toml(HAUL + "end = {time = 3.0}").arrival_time == 3.0
 

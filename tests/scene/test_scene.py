@@ -106,7 +106,7 @@ def test_from_groups_gives_the_groups_asked_for(choice):
     x, y = groups.coordinates(1.0)
     chord = scene.chord / scene.length
     np.testing.assert_allclose([x, y], [groups.chord_cos * chord, groups.chord_sin * chord], rtol=0.0, atol=1e-13)
-    assert groups.motion.end == 1.0
+    assert groups.motion.end_position == 1.0
     assert groups.motion.top_speed == pytest.approx(choice["speed_ratio"], rel=1e-12)
     assert scene.wave_speed * math.sqrt(scene.alpha) == pytest.approx(scene.axial_speed, rel=1e-14)
 

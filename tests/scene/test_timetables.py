@@ -67,7 +67,7 @@ def test_a_trapezoid_takes_the_times_of_the_textbook():
 def test_a_way_too_short_for_the_top_speed_is_run_with_what_it_allows():
     m, _ = motion_in_si_and_scene(LAWS["too short for the top speed"])
     assert m.top_speed == pytest.approx(math.sqrt(2.0 * 50.0 / (1.0 / 0.5 + 1.0 / 0.4)), rel=1e-10)
-    assert (m.start_position, m.end) == (pytest.approx(40.0), pytest.approx(90.0))
+    assert (m.start_position, m.end_position) == (pytest.approx(40.0), pytest.approx(90.0))
 
 
 def test_with_jerk_the_acceleration_is_continuous_and_bounded():
@@ -84,7 +84,7 @@ def test_with_jerk_the_acceleration_is_continuous_and_bounded():
 
 def test_an_emergency_stop_ends_after_its_braking_way_and_is_rested():
     m, made = motion_in_si_and_scene(LAWS["stop of a constant speed"])
-    assert m.end == pytest.approx(33.0 + 3.0 * 14.0 + 14.0**2 / 4.0, rel=1e-12)
+    assert m.end_position == pytest.approx(33.0 + 3.0 * 14.0 + 14.0**2 / 4.0, rel=1e-12)
     assert made.arrival_time == pytest.approx(3.0 + 7.0, rel=1e-12)
     rested = scene_with_travel(LAWS["stop of a constant speed"] + "\nrest = 8.0")
     assert rested.arrival_time == pytest.approx(18.0, rel=1e-12)

@@ -46,7 +46,7 @@ def kinematic_defect(motion):
                 (a - (v1 - v0) / (2.0 * h)) * duration**2,
                 s - float(motion.position(t)),
             )
-            defect = max(defect, *(abs(gap) / motion.end for gap in gaps))
+            defect = max(defect, *(abs(gap) / motion.end_position for gap in gaps))
     return defect
 
 
@@ -61,10 +61,12 @@ def test_the_kinematic_check_sees_a_wrong_position_speed_or_acceleration(wrong):
     class Bent(Motion):
         def position_with_rates(self, t, phase):
             values, scale = super().position_with_rates(t, phase), self.phases[-1][1]
-            return tuple(v + w * self.end / scale**k for k, (v, w) in enumerate(zip(values, wrong, strict=True)))
+            return tuple(
+                v + w * self.end_position / scale**k for k, (v, w) in enumerate(zip(values, wrong, strict=True))
+            )
 
     motion = LAWS["law (40)"].motion(LENGTH)
-    assert kinematic_defect(Bent(motion.phases, motion.pieces, motion.end)) > 5e-7
+    assert kinematic_defect(Bent(motion.phases, motion.pieces, motion.end_position)) > 5e-7
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -77,14 +79,14 @@ def test_a_travel_starts_at_the_left_support_and_never_turns(name):
     t = np.linspace(0.0, motion.phases[-1][1], 1001)
     s = motion.position(t)
     assert np.all(np.diff(s) > 0.0)
-    assert s[-1] == motion.end <= LENGTH
-    assert motion.position_with_rates(t[-1], len(motion.phases) - 1)[0] == motion.end
+    assert s[-1] == motion.end_position <= LENGTH
+    assert motion.position_with_rates(t[-1], len(motion.phases) - 1)[0] == motion.end_position
     assert max(motion.position_with_rates(ti, 0)[1] for ti in t if ti <= motion.phases[0][1]) <= motion.top_speed * (
         1.0 + 1e-14
     )
-    np.testing.assert_array_equal(motion.position([-3.0, 1.1 * t[-1]]), [0.0, motion.end])
+    np.testing.assert_array_equal(motion.position([-3.0, 1.1 * t[-1]]), [0.0, motion.end_position])
     if name not in ("table", "table from rest"):
-        assert motion.end == LENGTH
+        assert motion.end_position == LENGTH
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -92,7 +94,7 @@ def test_a_travel_starts_at_the_left_support_and_never_turns(name):
 @settings(deadline=None, max_examples=10)
 def test_time_at_inverts_position(name, fraction):
     motion = LAWS[name].motion(LENGTH)
-    s = fraction * motion.end
+    s = fraction * motion.end_position
     t = motion.time_at_position(s)
     assert motion.times_at_positions(np.array([s])).tolist() == [t]
     assert 0.0 <= t <= motion.phases[-1][1]
@@ -179,7 +181,7 @@ def test_short_tables_are_a_line_and_a_parabola():
 
 def test_a_table_ends_exactly_on_the_cable_when_its_last_digit_is_rounded():
     motion = Table(times=(0.0, 1.0, 2.0), positions=(0.0, 300.0, LENGTH * (1.0 + 3e-10))).motion(LENGTH)
-    assert motion.end == LENGTH
+    assert motion.end_position == LENGTH
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -192,7 +194,7 @@ def test_a_motion_is_the_same_in_other_units(name):
         for t in (t0, 0.4 * t0 + 0.6 * t1, t1):
             expected = np.array(motion.position_with_rates(t, phase)) * [1.0 / length, time / length, time**2 / length]
             np.testing.assert_allclose(scaled.position_with_rates(t / time, phase), expected, rtol=1e-12, atol=1e-12)
-    half = 0.5 * motion.end
+    half = 0.5 * motion.end_position
     assert scaled.time_at_position(half / length) == pytest.approx(motion.time_at_position(half) / time, rel=1e-13)
 
 
@@ -209,7 +211,7 @@ def test_a_brake_that_just_reaches_the_far_support_is_admissible_and_a_harder_on
     just = ConstantAcceleration(acceleration=limit, initial_speed=13.0)
     assert just.fault_on_cable(LENGTH) == ""
     motion = just.motion(LENGTH)
-    assert motion.end == LENGTH
+    assert motion.end_position == LENGTH
     assert motion.position_with_rates(motion.phases[-1][1], 0)[1] == pytest.approx(0.0, abs=1e-6)
     fault = ConstantAcceleration(acceleration=1.01 * limit, initial_speed=13.0).fault_on_cable(LENGTH)
     assert f"must be >= {limit!r} m/s^2" in fault

@@ -210,7 +210,7 @@ def test_another_code_runs_the_travel_up_to_the_end_of_the_window():
         short = study.groups_until(groups, 0.8)
         t = np.linspace(0.0, short.motion.phases[-1][1], 50)
         np.testing.assert_allclose(short.motion.position(t), groups.motion.position(t), rtol=0.0, atol=1e-14)
-        assert short.motion.position(t[-1]) == short.motion.end == 0.8
+        assert short.motion.position(t[-1]) == short.motion.end_position == 0.8
         assert len(short.motion.phases) <= len(groups.motion.phases)
 
 

@@ -120,7 +120,7 @@ def _end_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:
     assert motion is not None
     assert duration is not None
     end = scene.length if r.drive == "grip" else scene.drive.end_position(scene.length)
-    last = motion.end * scene.length
+    last = motion.end_position * scene.length
     kind = "crossed"
     sentence = f"crosses the cable in {duration:.1f} s"
     if last < 0.999 * end:

@@ -271,20 +271,20 @@ def _matched_to_travel(scene: Scene, motion: Motion, columns: dict[str, Array]) 
     x = dict(columns)
     if "t" not in x:
         _refuse_off_cable(x["s_o"], float(x["s_o"][-1]), l)
-        x["t"] = tau * motion.times_at_positions(np.clip(x["s_o"] / l, motion.start_position, motion.end))
+        x["t"] = tau * motion.times_at_positions(np.clip(x["s_o"] / l, motion.start_position, motion.end_position))
         once = np.append(True, np.diff(x["t"]) > 0.0)  # of places beyond an end of the travel the first
         x = {k: a[once] for k, a in x.items()}
     position = motion.position(x["t"] / tau)
     # the scene's mass stays at the end
     s_o = x.setdefault("s_o", l * position)
-    off = np.abs(np.minimum(s_o / l, motion.end) - position)
+    off = np.abs(np.minimum(s_o / l, motion.end_position) - position)
     if "t" in columns and off.max() > TRAVEL_TOLERANCE:
         i = int(np.argmax(off))
         raise Refused(
             f"t and s_o are not the scene's travel: at t = {x['t'][i]:.6g} s it has s_o/l = {x['s_o'][i] / l:.4g}, "
             f"the scene {position[i]:.4g}; {_ENDINGS}"
         )
-    travelling = x["t"] <= tau * motion.phases[-1][1] * (1.0 + 1e-9)
+    travelling = x["t"] <= tau * motion.end_time * (1.0 + 1e-9)
     return {k: a[travelling] for k, a in x.items()}
 
 

@@ -130,7 +130,7 @@ def _car_kinematics(scene: Scene) -> CarKinematics:
     motion = scene.groups.motion
     if motion is None:
         return _free_ride_kinematics(scene)
-    t = np.linspace(0.0, motion.phases[-1][1], STEPS)
+    t = np.linspace(0.0, motion.end_time, STEPS)
     phase = np.searchsorted([end for _, end in motion.phases[:-1]], t)
     return CarKinematics(t, *motion.positions_with_rates(t, phase))
 

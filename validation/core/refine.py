@@ -382,4 +382,4 @@ def _first_resolution_and_steps(scene: Scene, method: Method) -> dict[str, int]:
     if scene.mu > light:
         return {space.setting: first, "steps": FIRST_STEPS}
     fine = min(space.value_for_unknowns(2.0 / scene.mu), space.max_value // 2)
-    return {space.setting: max(first, fine), "steps": max(FIRST_STEPS, math.ceil(motion.phases[-1][1] / scene.mu))}
+    return {space.setting: max(first, fine), "steps": max(FIRST_STEPS, math.ceil(motion.end_time / scene.mu))}

@@ -210,7 +210,7 @@ def step_times_of_phases(solver: Solver, groups: Groups, settings: dict[str, Any
         duration = solver.phases[-1][1] - solver.phases[0][0]
         steps = math.ceil(steps * duration / groups.drive.nominal)
     times = newmark.step_times_by_phase(solver, steps, entry_ratio=settings["entry"], exit_ratio=settings["exit"])
-    if groups.motion is None or groups.motion.end < 1.0:  # ends off the support
+    if groups.motion is None or groups.motion.end_position < 1.0:  # ends off the support
         times[-1] = np.append(times[-1], solver.phases[-1][1])
     return times
 

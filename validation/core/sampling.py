@@ -262,7 +262,7 @@ def times_of_frames(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
 @lru_cache(maxsize=64)
 def _times_at_position_marks(motion: Motion, frames: int) -> Array:
     """Times (k,) at which a travel passes s_o/l = 1/FRAMES, 2/FRAMES, ..., with at least `frames` intervals."""
-    end_time = motion.phases[-1][1]
+    end_time = motion.end_time
     end = motion.position(np.array([end_time]))[0]
     marks = np.arange(1, FRAMES) / FRAMES
     on_the_way = (motion.start_position <= marks) & (marks < end)

@@ -41,8 +41,8 @@ class View:
         if motion is not None:
             axis = "time" if motion.standstill_phases else "place"
             top_speed = motion.top_speed * scene.length / scene.time_scale
-            reaches_end = motion.end < high
-            high = min(high, motion.end)
+            reaches_end = motion.end_position < high
+            high = min(high, motion.end_position)
         return cls(
             axis=axis, window=(low, high), free=motion is None, reaches_end=reaches_end,
             rolls=scene.drive.mode != "grip", length=scene.length, H=scene.horizontal_tension, top_speed=top_speed,

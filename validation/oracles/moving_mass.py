@@ -98,10 +98,14 @@ def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory
     """Solve (1), (2) up to 0.01 before the far support; ValueError outside the validity."""
     below = all(abs(speed) < 1.0 for _, speed in motion.speeds_where_extreme)
     refuse_unless(
-        "mu, sigma > 0, travel on the string below the wave speed", mu > 0.0, sigma > 0.0, below, motion.end <= 1.0
+        "mu, sigma > 0, travel on the string below the wave speed",
+        mu > 0.0,
+        sigma > 0.0,
+        below,
+        motion.end_position <= 1.0,
     )
     reach = 0.01  # distance to the far support at which the answer ends: fronts accumulate there
-    end = motion.time_at_position(1.0 - reach) if motion.end > 1.0 - reach else motion.phases[-1][1]
+    end = motion.time_at_position(1.0 - reach) if motion.end_position > 1.0 - reach else motion.end_time
     marks = _front_arrival_times(motion, end)
     longest = min(0.05, 0.125 * mu)  # panel: the string gives way within mu/2
     parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / longest)))[:-1] for a, b in pairwise(marks)]

@@ -60,8 +60,8 @@ def run_exudyn(groups: Groups, *, elements: int, steps: int) -> PeerPath:
         items.SensorNode(nodeNumber=particle, storeInternal=True, outputVariableType=exudyn.OutputVariableType.Position)
     )
 
-    t_end = motion.phases[-1][1]
-    on_support = motion.end >= 1.0  # omit the last instant, on the support
+    t_end = motion.end_time
+    on_support = motion.end_position >= 1.0  # omit the last instant, on the support
     settings = _solver_settings(t_end * (1.0 - 1.0 / steps) if on_support else t_end, steps - on_support)
     settings.solution.sensors.writePeriod = 1e-3 * t_end / steps
     note, seconds = _solve_with_wall_time(system.SolveDynamic, system, settings)

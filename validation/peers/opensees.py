@@ -29,11 +29,15 @@ def run_opensees(groups: Groups, *, elements: int) -> PeerPath:
     assert motion is not None
     import openseespy.opensees as ops
 
-    t = np.linspace(0.0, motion.phases[-1][1], elements + 1)
+    t = np.linspace(0.0, motion.end_time, elements + 1)
     s = motion.position(t)
-    last = elements if motion.end < 1.0 else elements - 1  # omit the support itself
-    beyond = max(1, math.ceil((1.0 - motion.end) * elements / motion.end)) if motion.end < 1.0 else 0
-    s_nodes = np.concatenate([s, np.linspace(motion.end, 1.0, beyond + 1)[1:]])
+    last = elements if motion.end_position < 1.0 else elements - 1  # omit the support itself
+    beyond = (
+        max(1, math.ceil((1.0 - motion.end_position) * elements / motion.end_position))
+        if motion.end_position < 1.0
+        else 0
+    )
+    s_nodes = np.concatenate([s, np.linspace(motion.end_position, 1.0, beyond + 1)[1:]])
     _build_cable_model(ops, groups, s_nodes)
     try:
         positions, seconds = _run_travel_with_wall_time(

@@ -398,7 +398,7 @@ def groups_until(groups: Groups, position: float) -> Groups:
     """The groups with a motion that ends at a position s_o/l."""
     motion = groups.motion
     assert motion is not None
-    if position >= motion.end:
+    if position >= motion.end_position:
         return groups
     shorter = motion.cut_at(motion.time_at_position(position))
-    return replace(groups, motion=replace(shorter, end=position))
+    return replace(groups, motion=replace(shorter, end_position=position))
