@@ -57,7 +57,8 @@ class OnRail(NamedTuple):
         """Add the derivatives by y and its rates to those by x, without the third of Y; K (3, rows, columns)."""
         _, dx, ddx = Z[:, self.x]
         _, slope, bend = self.rail.depth_with_derivatives(Z[0, self.x])
-        by, at = K[..., int(column[self.p[0]])], column[self.x]
+        by = K[..., int(column[self.p[0]])]
+        at = column[self.x]
         K[0, :, at] += by[0] * slope + by[1] * bend * dx + by[2] * bend * ddx
         K[1, :, at] += by[1] * slope + by[2] * 2.0 * bend * dx
         K[2, :, at] += by[2] * slope
@@ -70,12 +71,22 @@ class ContactState:
 
     def __init__(self, values: Array) -> None:
         self.values = x = values
-        self.behind, self.ahead = x[..., 0:2], x[..., 2:4]  # 0 beyond the ends of the rope
-        self.slope_behind, self.slope_ahead = x[..., 4:6], x[..., 6:8]
-        self.p, self.dp, self.ddp = x[..., 8:10], x[..., 13:15], x[..., 18:20]
-        self.angle, self.dangle, self.ddangle = x[..., 10, None], x[..., 15, None], x[..., 20, None]  # (..., 1)
-        self.c, self.dc, self.ddc = x[..., 11:13], x[..., 16:18], x[..., 21:23]
-        self.ds, self.dds, self.F = x[..., 23], x[..., 24], x[..., 25]
+        self.behind = x[..., 0:2]  # 0 beyond the ends of the rope
+        self.ahead = x[..., 2:4]
+        self.slope_behind = x[..., 4:6]
+        self.slope_ahead = x[..., 6:8]
+        self.p = x[..., 8:10]
+        self.dp = x[..., 13:15]
+        self.ddp = x[..., 18:20]
+        self.angle = x[..., 10, None]  # (..., 1)
+        self.dangle = x[..., 15, None]
+        self.ddangle = x[..., 20, None]
+        self.c = x[..., 11:13]
+        self.dc = x[..., 16:18]
+        self.ddc = x[..., 21:23]
+        self.ds = x[..., 23]
+        self.dds = x[..., 24]
+        self.F = x[..., 25]
 
     @cached_property
     def tau(self) -> Array:
@@ -143,7 +154,8 @@ class Spring(Body):
     unknown = "xy"
 
     def __init__(self, contact: Contact) -> None:
-        self.stiffness, self.point = np.array(contact.stiffness), np.array(contact.point)
+        self.stiffness = np.array(contact.stiffness)
+        self.point = np.array(contact.point)
 
     def balance_rows(self, x: ContactState, friction: Friction) -> Array:
         return x.behind - x.ahead + self.stiffness * (x.p - self.point)
@@ -160,7 +172,8 @@ class Counterweight(Body):
 
     def __init__(self, contact: Contact, outward: float, line: MovingLine) -> None:
         """outward : 1 at the right end of the rope, -1 at its left end."""
-        self.force, self.outward = contact.force or math.nan, outward
+        self.force = contact.force or math.nan
+        self.outward = outward
         self.mass = self.force / line.gravity
         self.lift = outward * (1.0 + self.force / line.rope.EA)  # of the weight, over the motion of s
 
@@ -174,7 +187,9 @@ class CarBody(Body):
     turns = True
 
     def __init__(self, car: Car, line: MovingLine) -> None:
-        self.car, self.gravity, self.rho = car, line.gravity, line.rope.mass_per_length
+        self.car = car
+        self.gravity = line.gravity
+        self.rho = line.rope.mass_per_length
         self.k = car.drive.k  # of drag [kg/m]
         self.driven = "haul" if car.drive.mode == "haul" else "thrust"
 
@@ -251,13 +266,16 @@ class PointCar(CarBody):
         self.turns = hanger is not None
         if hanger is not None:
             self.unknown = "t" + self.unknown
-            self.m, self.h, self.damping = hanger.mass, hanger.length, hanger.damping_moment_per_rate(line.gravity)
+            self.m = hanger.mass
+            self.h = hanger.length
+            self.damping = hanger.damping_moment_per_rate(line.gravity)
             self.about_hanger = hanger.inertia + self.m * self.h**2
 
     @staticmethod
     def cabin_axes(x: ContactState) -> tuple[Array, Array]:
         """e1 forward and e2 down along the hanger (..., 2)."""
-        cos, sin = np.cos(x.angle), np.sin(x.angle)
+        cos = np.cos(x.angle)
+        sin = np.sin(x.angle)
         return np.concatenate([cos, -sin], axis=-1), np.concatenate([sin, cos], axis=-1)
 
     def centre_of_mass_and_velocity(self, x: ContactState) -> tuple[Array, Array]:
@@ -280,7 +298,8 @@ class PointCar(CarBody):
         return dot(self.contact_force(x) if self.car.rail is None else -self.force_on_rope(x), x.tau)
 
     def balance_rows(self, x: ContactState, friction: Friction) -> Array:
-        C, on_rope = self.contact_force(x), self.force_on_rope(x)
+        C = self.contact_force(x)
+        on_rope = self.force_on_rope(x)
         balances = [on_rope + C]
         if self.car.rail is not None:  # the shoe is normal to the path
             slope = self.car.rail.depth_with_derivatives(x.p[..., 0])[1]

@@ -78,7 +78,8 @@ def _cabin_angle_indices(system: LineSines) -> dict[str, int]:
 
 def _keep_moment_about_hanger(old: LineSines, name: str, velocity: Array, new: LineSines, Z: Array) -> None:
     """Set the rate of the cabin of a car that takes the rope: its velocity (2,) may jump, moments do not."""
-    layout, body = new.layout, old.off_rope[name].body
+    layout = new.layout
+    body = old.off_rope[name].body
     k = [contact.name for contact in new.line.contacts_and_wheels].index(name)
     angle = Z[0, layout.angle[k]]
     jump = Z[1, [layout.x[k], layout.y[k]]] - velocity

@@ -30,7 +30,8 @@ class LineEquations:
     """Rows of a line, one for each unknown."""
 
     def __init__(self, layout: Layout, bodies: Sequence[Body]) -> None:
-        self.layout, self.bodies = layout, bodies
+        self.layout = layout
+        self.bodies = bodies
         x, y, t, u, v = layout.moving.T
         at = {"x": x, "y": y, "t": t, "u": u, "v": v, "s": layout.s, "S": np.roll(layout.s, -1), "F": layout.F}
         of_bodies = [at[name][k] for k, body in enumerate(bodies) for name in body.unknown]
@@ -82,8 +83,10 @@ class LineEquations:
 
         The next call overwrites the derivatives.
         """
-        rope, layout = Rope(self.layout, Z), self.layout
-        by_rows, by_slopes = rope.row_derivatives_until_next_call(), rope.end_slope_derivatives
+        rope = Rope(self.layout, Z)
+        layout = self.layout
+        by_rows = rope.row_derivatives_until_next_call()
+        by_slopes = rope.end_slope_derivatives
         K = self._tangent
         K[:] = 0.0
         r = np.zeros(self.size)
@@ -113,7 +116,8 @@ class LineEquations:
 
         by_values : by the values of `ContactState` there (rows, 26);  by_rows, by_slopes : of these by coordinates
         """
-        layout, j = self.layout, contact
+        layout = self.layout
+        j = contact
         columns = self._column[layout.columns]
         if j > 0:
             K[:, :, columns[j - 1]] += by_values[:, 0:2] @ by_rows[:, j - 1, -1]

@@ -32,10 +32,12 @@ class RopeHistory(NamedTuple):
 
 def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     """The motion at all states and at the stations s (m,)."""
-    line, rope = system.line, _rope_history(system, states, s)
+    line = system.line
+    rope = _rope_history(system, states, s)
     energies = rope.energies
     powers: dict[str, Array] = {}
-    cars, contacts = [], []
+    cars = []
+    contacts = []
     for k, (contact, body) in enumerate(zip(line.contacts_and_wheels, system.equations.bodies, strict=True)):
         at = system.equations.contact_state(rope.contact_values, k)
         energies += body.energies(at)
@@ -63,10 +65,12 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
 
 def _rope_history(system: LineSines, states: Sequence[State], s: Array) -> RopeHistory:
     """The rope at all states and at the stations s (m,), computed for few states at once."""
-    layout, n = system.layout, len(states)
+    layout = system.layout
+    n = len(states)
     contact_values = np.empty((n, layout.contacts, ContactState.size))
     positions = np.empty((n, layout.contacts))
-    points, tension = np.empty((n, s.size, 2)), np.empty((n, s.size))
+    points = np.empty((n, s.size, 2))
+    tension = np.empty((n, s.size))
     energies = np.empty((3, n))
     integrals = _legendre_integration_matrix(layout)
     at_once = 64  # states
@@ -74,11 +78,13 @@ def _rope_history(system: LineSines, states: Sequence[State], s: Array) -> RopeH
         some = slice(first, first + at_once)
         Z = np.stack([system.coordinates_with_rates(x) for x in states[some]], axis=1)
         rope = Rope(layout, Z)
-        contact_values[some], positions[some] = system.equations.contact_values(rope, Z), Z[0][:, layout.s]
+        contact_values[some] = system.equations.contact_values(rope, Z)
+        positions[some] = Z[0][:, layout.s]
         energies[:, some] = _rope_energies(rope)
         points[some], tension[some] = _points_and_tensions(rope, Z, s, integrals)
     beyond = (s < positions[:, :1]) | (s > positions[:, -1:])
-    points[beyond], tension[beyond] = np.nan, np.nan
+    points[beyond] = np.nan
+    tension[beyond] = np.nan
     return RopeHistory(contact_values, positions, points, tension, energies)
 
 
@@ -120,10 +126,14 @@ def _counterweight_power(line: MovingLine, body: Counterweight, at: ContactState
 
 def _car_motion(body: CarBody, s: Array, at: Any) -> CarMotion:
     """A car with the positions s (n, wheels); of two wheels x is the front one."""
-    car, wheels = body.car, body.wheel_states(at)
-    rear, x = wheels[0], wheels[-1]
-    none, pressing = np.full(len(s), np.nan), body.normal_wheel_loads(at)
-    hauled, grips = car.drive.mode == "haul", car.drive_kind == "grip"
+    car = body.car
+    wheels = body.wheel_states(at)
+    rear = wheels[0]
+    x = wheels[-1]
+    none = np.full(len(s), np.nan)
+    pressing = body.normal_wheel_loads(at)
+    hauled = car.drive.mode == "haul"
+    grips = car.drive_kind == "grip"
     on_shoe = np.zeros(len(s))
     if car.rail is not None and isinstance(body, PointCar):
         on_shoe = -(downward_normals(car.rail, x.p[:, 0]) * (body.force_on_rope(x) + body.contact_force(x))).sum(axis=1)
@@ -158,7 +168,8 @@ def _wheel_motion(name: str, x: ContactState, s: Array, load: Array) -> WheelMot
 
 def _car_powers(line: MovingLine, body: CarBody, s: Array, at: Any, hold: Array) -> dict[str, Array]:
     """Powers (n,) [W] of a car at s on the rope, under a force `hold` along it, named as in `LineMotion`."""
-    name, drive = body.car.name, body.car.drive
+    name = body.car.name
+    drive = body.car.drive
     wheels = body.wheel_states(at)
     x = wheels[-1]
     powers = {f"{name} {cause}": power for cause, power in body.drag_drive_and_swing_powers(at).items()}
@@ -178,7 +189,9 @@ def _car_powers(line: MovingLine, body: CarBody, s: Array, at: Any, hold: Array)
 def _contact_motion(line: MovingLine, contact: Contact, body: Body, s: Array, x: ContactState) -> ContactMotion:
     """A support with s (n,) of the rope there."""
     none = np.full(s.size, np.nan)
-    rise, behind, ahead = none, length(x.behind), length(x.ahead)
+    rise = none
+    behind = length(x.behind)
+    ahead = length(x.ahead)
     pressure = x.ahead - x.behind
     if isinstance(body, Counterweight):
         rise = (s - s[0]) * body.lift
@@ -196,14 +209,16 @@ def _contact_motion(line: MovingLine, contact: Contact, body: Body, s: Array, x:
 
 def _material_force(line: MovingLine, force: Array, ds: Array) -> Array:
     """W - N |r'| + rho ds^2 |r'|^2/2 (n,) [N] beside a contact with this N t."""
-    rope, N = line.rope, length(force)
+    rope = line.rope
+    N = length(force)
     stretch = 1.0 + N / rope.EA
     return 0.5 * N**2 / rope.EA - N * stretch + 0.5 * rope.mass_per_length * (ds * stretch) ** 2
 
 
 def _rope_energies(rope: Rope) -> Array:
     """Kinetic, strain and potential energy (3, n) [J]."""
-    line, stretch = rope.layout.line, rope.tensions.stretch
+    line = rope.layout.line
+    stretch = rope.tensions.stretch
     w = rope.layout.tables.weights * rope.h[0]
     kinetic = 0.5 * line.rope.mass_per_length * (rope.r[1] ** 2).sum(axis=-1)
     strain = 0.5 * line.rope.EA * (stretch - 1.0) ** 2

@@ -16,7 +16,9 @@ class CarOffRope:
 
     def __init__(self, line: MovingLine, car: Car, layout: Layout, saddle: int, rows: dict[int, int]) -> None:
         """saddle : contact below the car;  rows : numbers of the rows by coordinate."""
-        self.line, self.layout, self.saddle = line, layout, saddle
+        self.line = line
+        self.layout = layout
+        self.saddle = saddle
         self.body = PointCar(car, line)
         # row of s of the saddle, on which the grip acts
         self.saddle_row = rows[int(layout.s[saddle])] if car.drive_kind == "grip" else None
@@ -52,7 +54,9 @@ class CarOffRope:
 
     def complete_derivatives(self, x: ContactState, K: Array) -> None:
         """The same for the derivatives K (3, rows, rows) at one instant; drag and motion of the point change little."""
-        body, saddle, angle = self.body, self.saddle_row, self.angle_row
+        body = self.body
+        saddle = self.saddle_row
+        angle = self.angle_row
         stretch = body.car.rail.stretch if body.car.rail is not None else 1.0
         if saddle is not None:
             K[2, saddle, saddle] += body.car.mass * stretch

@@ -77,7 +77,9 @@ class RestSearch:
     """Newton's method for the rest of a line with what is prescribed in Z, free cars held."""
 
     def __init__(self, system: LineSines, Z: Array) -> None:
-        self.system, self.equations, self.Z = system, system.held_equations, Z
+        self.system = system
+        self.equations = system.held_equations
+        self.Z = Z
         self.frictions = [Friction() for _ in self.equations.bodies]
         for k, body in system.cars.items():
             if body.car.travel is not None:
@@ -85,7 +87,8 @@ class RestSearch:
 
     def coordinates(self, unknowns: Array) -> Array:
         """All coordinates (3, layout.size) with these unknowns."""
-        free, forces = self.equations.free, self.equations.forces
+        free = self.equations.free
+        forces = self.equations.forces
         Z = self.Z.copy()
         Z[0, free] = np.where(forces, 0.0, unknowns)
         self.system.layout.set_dependent_coordinates(Z)
@@ -103,9 +106,11 @@ class RestSearch:
 
     def solve(self, guess: Array) -> Array:
         """Coordinates at rest, with shorter steps where the residual grows; StepFailure without convergence."""
-        free, forces = self.equations.free, self.equations.forces
+        free = self.equations.free
+        forces = self.equations.forces
         unknowns = np.where(forces, guess[2, free], guess[0, free])
-        before, bound = math.inf, TOL * self.system.line.rope.EA
+        before = math.inf
+        bound = TOL * self.system.line.rope.EA
         for _ in range(ITERATIONS):
             r, K = self.equations.linearise(self.coordinates(unknowns), self.frictions)
             step = np.linalg.solve(np.where(forces, K[2], K[0]), r)
@@ -115,7 +120,8 @@ class RestSearch:
             fraction = 1.0
             while self.residual_norm(unknowns - fraction * step) > now and now > bound and fraction > 1e-6:
                 fraction *= 0.5
-            unknowns, before = unknowns - fraction * step, now
+            unknowns = unknowns - fraction * step
+            before = now
         raise StepFailure(0.0, "no rest of the line was found", "start the cars elsewhere")
 
 
@@ -135,7 +141,8 @@ class Chord(NamedTuple):
 
 def guess_sagging_chords(system: LineSines, Z: Array) -> Array:
     """Coordinates (3, layout.size) with contacts on chords that sag a little; Z holds what is prescribed."""
-    line, layout = system.line, system.layout
+    line = system.line
+    layout = system.layout
     Z = Z.copy()
     supports = [k for k, c in enumerate(line.contacts_and_wheels) if isinstance(c, Contact)]
     distances = np.concatenate([[0.0], np.cumsum(chord_lengths(line))])  # of supports along the chords
@@ -153,17 +160,20 @@ def _guess_support_positions(line: MovingLine, distances: Array) -> Array:
     """s of the supports: the rope is spread over the chords evenly."""
     kinds = [c.kind for c in line.supports]
     length = line.rope.length or 0.0
-    begin, end = 0.0, distances[-1]
+    begin = 0.0
+    end = distances[-1]
     if "counterweight" not in kinds:
         end = length
     elif kinds[0] == "counterweight":
-        begin, end = length - distances[-1], length
+        begin = length - distances[-1]
+        end = length
     return np.asarray(begin + (end - begin) * distances / distances[-1])
 
 
 def _set_car_on_chord(system: LineSines, k: int, chord: Chord, Z: Array) -> None:
     """Set the contacts of a car in Z: by its x, or by its s."""
-    layout, front = system.layout, system.travel_contact[k]
+    layout = system.layout
+    front = system.travel_contact[k]
     s_0, s_1 = chord.s
     if system.cars[k].car.drive_kind == "haul_x":
         fraction = (Z[0, layout.x[front]] - chord.start[0]) / chord.direction[0]

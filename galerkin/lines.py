@@ -51,7 +51,9 @@ class LineSines(System):
     reuses_factors = True
 
     def __init__(self, line: MovingLine, terms: int) -> None:
-        self.line, self.layout, self.phases = line, Layout(line, terms), line.phases
+        self.line = line
+        self.layout = Layout(line, terms)
+        self.phases = line.phases
         bodies = [body_at_contact(line, contact) for contact in line.contacts_and_wheels]
         held = [body.copy_held_at_rest() if isinstance(body, CarBody) else body for body in bodies]
         self.cars = {k: body for k, body in enumerate(bodies) if isinstance(body, CarBody)}
@@ -97,13 +99,15 @@ class LineSines(System):
         return self._prescribed[t, phase].copy()
 
     def _compute_prescribed(self, t: float, phase: int) -> Array:
-        line, layout = self.line, self.layout
+        line = self.line
+        layout = self.layout
         Z = np.zeros((3, layout.size))
         for k, contact in enumerate(line.contacts_and_wheels):
             if isinstance(contact, Contact):
                 Z[0, layout.x[k]], Z[0, layout.y[k]] = contact.point
         for k, body in self.cars.items():
-            car, front = body.car, self.travel_contact[k]
+            car = body.car
+            front = self.travel_contact[k]
             if car.travel is not None:
                 at = layout.x if car.drive_kind == "haul_x" else layout.s
                 Z[:, at[front]] = line.prescribed_position_with_rates(car, t, phase)
@@ -193,7 +197,8 @@ class LineSines(System):
         self._require_taut_rope(rope.tensions.N, contact_values)
         for k in self.free_cars:
             self._release_car(k, rest, contact_values)
-        free, forces = self.equations.free, self.equations.forces
+        free = self.equations.free
+        forces = self.equations.forces
         v = np.zeros(self.n_dof)
         if self.prescribed_coordinates(0.0, 0)[1].any():
             before, after = (coordinates_at_rest(self, dt, rest)[0, free] for dt in (-NUDGE, NUDGE))
@@ -229,7 +234,8 @@ class LineSines(System):
 
     def car_point_and_rates(self, name: str, x: State) -> Array:
         """Point of a car on one contact, or off the rope, with its rates (3, 2)."""
-        Z, layout = self.coordinates_with_rates(x), self.layout
+        Z = self.coordinates_with_rates(x)
+        layout = self.layout
         for k, body in self.cars.items():
             if body.car.name == name:
                 return Z[:, [layout.x[k], layout.y[k]]]
@@ -244,7 +250,9 @@ class LineSines(System):
             if not body.car.drive.has_friction_or_brakes or body.car.rail is not None:  # a shoe has no friction
                 continue
             at = self.layout.s[self.travel_contact[k]]
-            s, ds, sign = float(Z[0, at]), Z[1, at], self.frictions[k].sign
+            s = float(Z[0, at])
+            ds = Z[1, at]
+            sign = self.frictions[k].sign
             if k not in self.free_cars:
                 sign = self.line.travel_direction(body.car, x.phase)
             elif abs(ds) > TURNING:
@@ -314,8 +322,10 @@ class LineSines(System):
         """The state with the car at rest, about to slip by the sign, or to stay for a sign 0."""
         row = self._row_of_travel(k)
         self._set_friction(k, float(x.q[row]), sign)
-        v, a = x.v.copy(), x.a.copy()
-        v[row], a[row] = sign * 1e-12, 0.0  # [m/s] not 0, else its next standstill is no event
+        v = x.v.copy()
+        a = x.a.copy()
+        v[row] = sign * 1e-12  # [m/s] not 0, else its next standstill is no event
+        a[row] = 0.0
         return self.with_acceleration(x._replace(v=v, a=a))
 
     def _contact_values_of(self, x: State) -> Array:
@@ -324,8 +334,10 @@ class LineSines(System):
 
     # --- events ------------------------------------------------------------------------------------------------------
     def event_values(self, x: State) -> tuple[float, ...]:
-        Z, watched = self.coordinates_with_rates(x), self.watched
-        s, ds = Z[0, self.layout.s], Z[1, self.layout.s]
+        Z = self.coordinates_with_rates(x)
+        watched = self.watched
+        s = Z[0, self.layout.s]
+        ds = Z[1, self.layout.s]
         gaps = [float(s[i + 1] - s[i]) - NEAREST for i in watched.gaps]
         slips = [float(ds[self.travel_contact[k]]) * self.frictions[k].sign for k in watched.stops]
         speeds = [math.inf if self._sticks(k) else slip for k, slip in zip(watched.stops, slips, strict=True)]

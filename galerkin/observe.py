@@ -146,7 +146,8 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         forces, sides, material_force = _full_cable_forces(cable, x, sides, fields[2], s, frames)
         sunk = x.vertical_displacement_integral()
     else:
-        forces, material_force = _chord_tensions_and_strain_energy(cable, x, s, frames), none
+        forces = _chord_tensions_and_strain_energy(cable, x, s, frames)
+        material_force = none
     _, xp, yp, xpp, ypp = groups.tension_and_shape_derivatives(x.s_o)
     static = np.stack([xp, yp], axis=1)
     curvature = np.stack([xpp, ypp], axis=1)

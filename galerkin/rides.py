@@ -86,7 +86,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
         if self.free:
             against = -self.mode.slip_sign
             since, ax, ay, jx, jy = self._mean_acceleration
-            ax, ay = ax + (t - since) * jx, ay + (t - since) * jy
+            ax = ax + (t - since) * jx
+            ay = ay + (t - since) * jy
         else:
             speed = self.motion.position_with_rates(t, phase)[1]
             against = -math.copysign(1.0, speed)

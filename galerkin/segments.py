@@ -38,8 +38,11 @@ def jet_quotient(f: Array, g: Array) -> Array:
 
 def jet_composition(F: Array, xi: Array) -> Array:
     """The jet of F(xi, t); F[i, k] holds the i-th time derivative of the k-th xi derivative at fixed xi."""
-    value, slope, bend = F[0, 0], F[0, 1], F[0, 2]
-    dx, ddx = xi[1, ..., None], xi[2, ..., None]
+    value = F[0, 0]
+    slope = F[0, 1]
+    bend = F[0, 2]
+    dx = xi[1, ..., None]
+    ddx = xi[2, ..., None]
     acceleration = F[2, 0] + (2.0 * F[1, 1] + bend * dx) * dx + slope * ddx
     out = np.empty((3, *acceleration.shape))
     out[0] = value
@@ -51,7 +54,8 @@ def jet_composition(F: Array, xi: Array) -> Array:
 def basis_functions_and_derivatives(xi: Array, terms: int) -> Array:
     """B and its derivatives by xi up to the third, (4, points, terms + 4)."""
     k = np.pi * np.arange(1, terms + 1)
-    sin, cos = np.sin(k * xi[:, None]), np.cos(k * xi[:, None])
+    sin = np.sin(k * xi[:, None])
+    cos = np.cos(k * xi[:, None])
     sines = np.stack([sin, k * cos, -(k**2) * sin, -(k**3) * cos])
     others = [polyval(xi, polyder(POLYNOMIALS, order)).T for order in range(4)]
     return np.concatenate([sines, np.array(others)], axis=2)
@@ -62,7 +66,8 @@ class FunctionTables:
 
     def __init__(self, terms: int) -> None:
         points, weights = np.polynomial.legendre.leggauss(2 * terms + 12)
-        self.points, self.weights = 0.5 + 0.5 * points, 0.5 * weights
+        self.points = 0.5 + 0.5 * points
+        self.weights = 0.5 * weights
         self.B = basis_functions_and_derivatives(self.points, terms)  # (4, G, M)
         self.flat = self.B.reshape(-1, terms + 4)
         self.tests = np.concatenate([self.B[0], self.B[1]]).T.copy()  # (M, 2 G)
@@ -80,7 +85,8 @@ class Layout:
     """
 
     def __init__(self, line: MovingLine, terms: int) -> None:
-        self.line, self.terms = line, terms
+        self.line = line
+        self.terms = terms
         self.contacts = len(line.contacts_and_wheels)
         self.segments = self.contacts - 1
         self.tables = FunctionTables(terms)
@@ -176,7 +182,8 @@ class Rope:
 
     @cached_property
     def tensions(self) -> Tensions:
-        rope, softness = self.layout.line.rope, self.layout.softness
+        rope = self.layout.line.rope
+        softness = self.layout.softness
         squared = self.slope[..., 0] ** 2 + self.slope[..., 1] ** 2
         stretch = np.sqrt(squared)
         N = rope.EA * (squared - 1.0) / (stretch + 1.0)
@@ -236,11 +243,17 @@ class Rope:
 
         The next call overwrites them.
         """
-        line, layout, tensions = self.layout.line, self.layout, self.tensions
+        line = self.layout.line
+        layout = self.layout
+        tensions = self.tensions
         rho = line.rope.mass_per_length
-        B, slopes = layout.tables.B[0].T, layout.tables.B[1].T  # (M, G)
-        h, weights = self.h[0], layout.tables.weights
-        S, M, G = layout.segments, len(B), layout.tables.points.size
+        B = layout.tables.B[0].T  # (M, G)
+        slopes = layout.tables.B[1].T
+        h = self.h[0]
+        weights = layout.tables.weights
+        S = layout.segments
+        M = len(B)
+        G = layout.tables.points.size
 
         def acceleration_derivatives(jet: Array) -> Array:
             """d(r..) by a coordinate, its velocity and acceleration, from the jet of dr/d(coordinate)."""

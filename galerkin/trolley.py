@@ -22,7 +22,8 @@ Pair = tuple[float, float]
 
 def rotate(components: Pair, angle: Array) -> Array:
     """The vectors (..., 2) with these components along e1 and e2; angle (..., 1)."""
-    cos, sin = np.cos(angle), np.sin(angle)
+    cos = np.cos(angle)
+    sin = np.sin(angle)
     x, y = components
     return np.concatenate([x * cos - y * sin, x * sin + y * cos], axis=-1)
 
@@ -129,7 +130,8 @@ class Trolley(CarBody):
         return np.concatenate([force, np.stack([moment, *rolling], axis=-1)], axis=-1)
 
     def energies(self, x: WheelPair) -> Array:
-        car, mass = x.rear, self.car.mass
+        car = x.rear
+        mass = self.car.mass
         kinetic = 0.5 * (mass * dot(car.dc, car.dc) + self.inertia * car.dangle[..., 0] ** 2)
         potential = -mass * self.gravity * car.c[..., 1]
         return np.stack([kinetic, 0.0 * kinetic, potential])

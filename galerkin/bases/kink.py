@@ -102,7 +102,8 @@ class KinkedBasis:
         self.basis = basis
         self.kink = kink
         self.n = basis.n + kink
-        self.mass_at_rest, self._stiffness = np.diag([1.0 / 3.0] * self.n), np.zeros((self.n, self.n))
+        self.mass_at_rest = np.diag([1.0 / 3.0] * self.n)
+        self._stiffness = np.zeros((self.n, self.n))
         standing = slice(basis.n), slice(basis.n)
         self.mass_at_rest[standing] = basis.mass_matrix()
         self._stiffness[standing] = basis.stiffness_matrix()
