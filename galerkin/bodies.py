@@ -37,8 +37,8 @@ def dot(a: Array, b: Array) -> Array:
     return (a * b).sum(axis=-1)
 
 
-def normal_component(force: Array, tau: Array) -> Array:
-    """The component normal to tau, positive down."""
+def downward_normal_component(force: Array, tau: Array) -> Array:
+    """The component normal to tau."""
     return force[..., 1] * tau[..., 0] - force[..., 0] * tau[..., 1]
 
 
@@ -102,7 +102,8 @@ class ContactState:
     @cached_property
     def cos_phi(self) -> Array:
         """|<r'>|/<|r'|>."""
-        return length(self.slope_behind + self.slope_ahead) / (length(self.slope_behind) + length(self.slope_ahead))
+        mean = 0.5 * length(self.slope_behind + self.slope_ahead)
+        return mean / self.mean_stretch
 
 
 class Friction(NamedTuple):
@@ -130,9 +131,11 @@ class Body:
 
     def balance_row_derivatives(self, contact_values: Array, friction: Friction) -> Array:
         """d(balance rows)/d(contact values) (n, contacts, 26)."""
-        shifted = contact_values + 1j * TINY * np.eye(contact_values.size).reshape(-1, *contact_values.shape)
-        by = self.balance_rows(self.state_from_contact_values(shifted), friction).imag / TINY
-        return by.T.reshape(-1, *contact_values.shape)
+        shape = contact_values.shape
+        shifts = 1j * TINY * np.eye(contact_values.size).reshape(-1, *shape)
+        shifted = self.state_from_contact_values(contact_values + shifts)
+        by = self.balance_rows(shifted, friction).imag / TINY
+        return by.T.reshape(-1, *shape)
 
     def energies(self, x: Any) -> Array:
         """Kinetic, strain and potential energy (3, ...) [J]."""
@@ -162,7 +165,8 @@ class Spring(Body):
 
     def energies(self, x: ContactState) -> Array:
         strain = 0.5 * (self.stiffness * (x.p - self.point) ** 2).sum(axis=-1)
-        return np.stack([0.0 * strain, strain, 0.0 * strain])
+        none = 0.0 * strain
+        return np.stack([none, strain, none])
 
 
 class Counterweight(Body):
@@ -193,7 +197,7 @@ class CarBody(Body):
         self.k = car.drive.k  # of drag [kg/m]
         self.driven = "haul" if car.drive.mode == "haul" else "thrust"
 
-    def copy_held_at_rest(self) -> Any:
+    def copy_held_without_drag(self) -> Any:
         """The car at rest: a free one is held, and no wind blows."""
         other = copy.copy(self)
         other.k = 0.0
@@ -205,7 +209,7 @@ class CarBody(Body):
         """Forces of the brakes on the wheels (..., wheels) [N], from left to right, with the car at s (...)."""
         return np.asarray(self.car.drive.brake_force(s))[..., None]
 
-    def centre_of_mass_and_velocity(self, x: Any) -> tuple[Array, Array]:
+    def turning_body_centre_and_velocity(self, x: Any) -> tuple[Array, Array]:
         """Point and velocity (..., 2) of the centre of mass of what turns, else of the car."""
         raise NotImplementedError
 
@@ -278,58 +282,65 @@ class PointCar(CarBody):
         sin = np.sin(x.angle)
         return np.concatenate([cos, -sin], axis=-1), np.concatenate([sin, cos], axis=-1)
 
-    def centre_of_mass_and_velocity(self, x: ContactState) -> tuple[Array, Array]:
+    def turning_body_centre_and_velocity(self, x: ContactState) -> tuple[Array, Array]:
         e1, e2 = self.cabin_axes(x)
         return x.p + self.h * e2, x.dp + self.h * x.dangle * e1
 
-    def contact_force(self, x: ContactState) -> Array:
+    def force_needed_from_rope(self, x: ContactState) -> Array:
         """C (..., 2) [N], the force that car and cabin need, by their motion."""
         own = self.car.mass * (x.ddp - self.gravity * DOWN) - x.F[..., None] * x.tau
         if not self.turns:
             return own - self.drag_force(x.dp)
         e1, e2 = self.cabin_axes(x)
         swinging = self.m * self.h * (x.ddangle * e1 - x.dangle**2 * e2)
-        return own + swinging - self.drag_force(self.centre_of_mass_and_velocity(x)[1])
+        return own + swinging - self.drag_force(self.turning_body_centre_and_velocity(x)[1])
 
     def normal_wheel_loads(self, x: ContactState) -> Array:
-        return -normal_component(self.contact_force(x), x.tau)[..., None]
+        return -downward_normal_component(self.force_needed_from_rope(x), x.tau)[..., None]
 
     def tangential_force_on_last_wheel(self, x: ContactState) -> Array:
-        return dot(self.contact_force(x) if self.car.rail is None else -self.force_on_rope(x), x.tau)
+        return dot(self.force_needed_from_rope(x) if self.car.rail is None else -self.force_on_rope(x), x.tau)
 
     def balance_rows(self, x: ContactState, friction: Friction) -> Array:
-        C = self.contact_force(x)
+        C = self.force_needed_from_rope(x)
         on_rope = self.force_on_rope(x)
-        balances = [on_rope + C]
+        balance = on_rope + C
         if self.car.rail is not None:  # the shoe is normal to the path
             slope = self.car.rail.depth_with_derivatives(x.p[..., 0])[1]
-            balances = [(balances[0][..., 0] + slope * balances[0][..., 1])[..., None]]
+            balance = (balance[..., 0] + slope * balance[..., 1])[..., None]
+        rows = [balance]
         if self.turns:
-            balances.append(self.cabin_moment_balance(x))
+            rows.append(self.cabin_moment_balance(x))
         if self.unknown[-1] in "sF":
-            slip = self.signed_friction_and_hold(-normal_component(C, x.tau)[..., None], friction)[..., 0]
+            loads = -downward_normal_component(C, x.tau)[..., None]
+            slip = self.signed_friction_and_hold(loads, friction)[..., 0]
             along = dot(C if self.car.rail is None else -on_rope, x.tau)
-            balances.append((along - slip * x.cos_phi)[..., None])
-        return np.concatenate(balances, axis=-1)
+            rows.append((along - slip * x.cos_phi)[..., None])
+        return np.concatenate(rows, axis=-1)
 
     def cabin_moment_balance(self, x: ContactState) -> Array:
         """Balance of moments of the cabin about the hanger (..., 1)."""
         e1, e2 = self.cabin_axes(x)
         weight = self.gravity * e2[..., 0]
-        drag = self.drag_force(self.centre_of_mass_and_velocity(x)[1])
+        drag = self.drag_force(self.turning_body_centre_and_velocity(x)[1])
         hanging = self.m * self.h * (dot(x.ddp, e1) + weight) - self.h * dot(drag, e1)
         return self.about_hanger * x.ddangle + self.damping * x.dangle + hanging[..., None]
 
     def energies(self, x: ContactState) -> Array:
-        carriage, (c, dc) = self.car.mass - self.m, self.centre_of_mass_and_velocity(x)
-        turning = (self.about_hanger - self.m * self.h**2) * x.dangle[..., 0] ** 2
+        carriage = self.car.mass - self.m
+        inertia = self.about_hanger - self.m * self.h**2
+        c, dc = self.turning_body_centre_and_velocity(x)
+        turning = inertia * x.dangle[..., 0] ** 2
         kinetic = 0.5 * (carriage * dot(x.dp, x.dp) + self.m * dot(dc, dc) + turning)
         height = carriage * x.p[..., 1] + self.m * c[..., 1]
         return np.stack([kinetic, 0.0 * kinetic, -self.gravity * height])
 
     def drag_drive_and_swing_powers(self, x: ContactState) -> dict[str, Array]:
-        velocity = self.centre_of_mass_and_velocity(x)[1]
-        powers = {"swing": -self.damping * x.dangle[..., 0] ** 2} if self.damping else {}
-        if self.car.drive_kind == "grip":
-            return powers
-        return powers | {"drag": dot(self.drag_force(velocity), velocity), self.driven: x.F * dot(x.tau, x.dp)}
+        powers = {}
+        if self.damping:
+            powers["swing"] = -self.damping * x.dangle[..., 0] ** 2
+        if self.car.drive_kind != "grip":
+            velocity = self.turning_body_centre_and_velocity(x)[1]
+            powers["drag"] = dot(self.drag_force(velocity), velocity)
+            powers[self.driven] = x.F * dot(x.tau, x.dp)
+        return powers

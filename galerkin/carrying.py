@@ -15,21 +15,22 @@ def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple
     """The line after a passage, and its state by least squares."""
     before = system.coordinates_with_rates(x)
     points_off_rope = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.cars_off_rope}
-    line, snapshot = line_and_snapshot_after_passage(
-        system.line, passage, x.t, x.phase, _snapshot_of_line(system, before, points_off_rope)
-    )
+    snapshot = _snapshot_of_line(system, before, points_off_rope)
+    line, snapshot = line_and_snapshot_after_passage(system.line, passage, x.t, x.phase, snapshot)
     new = LineSines(line, system.layout.terms)
     layout = new.layout
     Z = new.prescribed_coordinates(x.t, x.phase)
     _set_contact_coordinates(new, Z, snapshot)
-    _carry_angles_and_friction(system, before, new, Z)
+    _carry_angles_and_centres(system, before, new, Z)
+    _carry_friction(system, new)
     layout.set_dependent_coordinates(Z)
     if passage.car in system.layout.angle_off_rope and passage.car not in layout.angle_off_rope:
-        _keep_moment_about_hanger(system, passage.car, points_off_rope[passage.car][1], new, Z)
+        velocity = points_off_rope[passage.car][1]
+        _keep_moment_about_hanger(system, passage.car, velocity, new, Z)
     for i in range(layout.segments):
         _fit_segment(system.layout, before, layout, Z, i)
-    free = new.equations.free
-    q, v = np.where(new.equations.forces, 0.0, Z[:2, free])
+    equations = new.equations
+    q, v = np.where(equations.forces, 0.0, Z[:2, equations.free])
     state = State(x.t, q, v, np.zeros(new.n_dof), x.phase)
     new.begin_step(state)
     return new, new.with_acceleration(state)
@@ -54,20 +55,25 @@ def _set_contact_coordinates(new: LineSines, Z: Array, snapshot: LineSnapshot) -
         Z[:2, [layout.x[k], layout.y[k]]] = snapshot.points[contact.name][:2]
 
 
-def _carry_angles_and_friction(old: LineSines, before: Array, new: LineSines, Z: Array) -> None:
-    """Set angles and centres in Z to those before, and friction and holds of the new line."""
-    names = [contact.name for contact in old.line.contacts_and_wheels]
+def _carry_angles_and_centres(old: LineSines, before: Array, new: LineSines, Z: Array) -> None:
+    """Set angles and centres in Z, with their velocities, to those before."""
+    earlier = {contact.name: j for j, contact in enumerate(old.line.contacts_and_wheels)}
     for k, contact in enumerate(new.line.contacts_and_wheels):
-        if contact.name not in names:
-            continue
-        j = names.index(contact.name)
-        Z[:2, new.layout.moving[k, 2:]] = before[:2, old.layout.moving[j, 2:]]
-        if j in old.free_cars:
-            new.frictions[k] = old.frictions[j]
-            new.holds[k] = old.holds[j]
+        if contact.name in earlier:
+            j = earlier[contact.name]
+            Z[:2, new.layout.moving[k, 2:]] = before[:2, old.layout.moving[j, 2:]]
     angles = _cabin_angle_indices(old)
     for name, i in _cabin_angle_indices(new).items():
         Z[:2, i] = before[:2, angles[name]]
+
+
+def _carry_friction(old: LineSines, new: LineSines) -> None:
+    """Give the free cars of the new line their friction and holds."""
+    earlier = {body.car.name: j for j, body in old.free_cars.items()}
+    for k, body in new.free_cars.items():
+        j = earlier[body.car.name]
+        new.frictions[k] = old.frictions[j]
+        new.holds[k] = old.holds[j]
 
 
 def _cabin_angle_indices(system: LineSines) -> dict[str, int]:
@@ -83,38 +89,44 @@ def _keep_moment_about_hanger(old: LineSines, name: str, velocity: Array, new: L
     k = [contact.name for contact in new.line.contacts_and_wheels].index(name)
     angle = Z[0, layout.angle[k]]
     jump = Z[1, [layout.x[k], layout.y[k]]] - velocity
-    along = jump @ np.array([np.cos(angle), -np.sin(angle)])
+    forward = np.array([np.cos(angle), -np.sin(angle)])
+    along = jump @ forward
     Z[1, layout.angle[k]] -= body.m * body.h * along / body.about_hanger
 
 
 def positions_slopes_and_velocities_at(layout: Layout, Z: Array, s: Array) -> Array:
     """r, r' and the velocity at fixed s (3, m, 2) at the points s (m,)."""
     at, ds = Z[:2, layout.s]
-    i = np.clip(np.searchsorted(at, s, side="right") - 1, 0, layout.segments - 1)
+    behind = np.searchsorted(at, s, side="right") - 1
+    i = np.clip(behind, 0, layout.segments - 1)
     h = at[i + 1] - at[i]
     xi = (s - at[i]) / h
+    ds_of_xi = ds[i] + xi * (ds[i + 1] - ds[i])
     B, slopes = basis_functions_and_derivatives(xi, layout.terms)[:2, :, None]  # (m, 1, M)
     u, du = Z[:2, layout.columns[i, :-2]].reshape(2, s.size, -1, 2)
+    r = (B @ u)[:, 0]
     slope = (slopes @ u)[:, 0] / h[:, None]
-    moved = ds[i] + xi * (ds[i + 1] - ds[i])
-    return np.stack([(B @ u)[:, 0], slope, (B @ du)[:, 0] - moved[:, None] * slope])
+    at_fixed_xi = (B @ du)[:, 0]
+    return np.stack([r, slope, at_fixed_xi - ds_of_xi[:, None] * slope])
 
 
 def _fit_segment(old: Layout, before: Array, layout: Layout, Z: Array, i: int) -> None:
     """Set the functions of segment i in Z: nearest slopes, and then nearest velocities at fixed xi."""
     tables = layout.tables
     columns = layout.columns[i, :-2].reshape(-1, 2)
-    (a, b), (da, db) = Z[:2, layout.s[[i, i + 1]]]
-    _, slope, velocity = positions_slopes_and_velocities_at(old, before, a + tables.points * (b - a))
-    moved = da + tables.points * (db - da)
-    part = layout.functions_of[i]
-    inner = slice(part.start // 2, layout.functions)
+    inner = slice(layout.functions_of[i].start // 2, layout.functions)
     root = np.sqrt(tables.weights)[:, None]
+    (a, b), (da, db) = Z[:2, layout.s[[i, i + 1]]]
+    s = a + tables.points * (b - a)
+    ds = da + tables.points * (db - da)
+    _, slope, velocity = positions_slopes_and_velocities_at(old, before, s)
 
     def fit(order: int, functions: Array, wanted: Array) -> None:
         """Set coefficients or, for order 1, their rates, so that sum B u is nearest to the wanted values (G, 2)."""
         ends = functions[:, -2:] @ Z[order, columns[-2:]]
-        Z[order, columns[inner]] = np.linalg.lstsq(root * functions[:, inner], root * (wanted - ends), rcond=None)[0]
+        of_inner = root * (wanted - ends)
+        Z[order, columns[inner]] = np.linalg.lstsq(root * functions[:, inner], of_inner, rcond=None)[0]
 
-    fit(0, tables.B[1], slope * (b - a))
-    fit(1, tables.B[0], velocity + moved[:, None] * (tables.B[1] @ Z[0, columns]) / (b - a))
+    B, slopes = tables.B[:2]
+    fit(0, slopes, slope * (b - a))
+    fit(1, B, velocity + ds[:, None] * (slopes @ Z[0, columns]) / (b - a))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,10 +20,18 @@ def body_at_contact(line: MovingLine, contact: Contact | Car | Wheel) -> Body:
     if isinstance(contact, Car):
         return PointCar(contact, line)
     if contact.kind == "counterweight":
-        return Counterweight(contact, 1.0 if contact is line.contacts[-1] else -1.0, line)
+        outward = 1.0 if contact is line.contacts[-1] else -1.0
+        return Counterweight(contact, outward, line)
     if contact.kind == "spring":
         return Spring(contact)
     return Saddle() if contact.kind == "saddle" else Body()
+
+
+class RopeDerivatives(NamedTuple):
+    """Derivatives of what the rope does, by the coordinates of each segment."""
+
+    rows: Array  # of `Rope.row_derivatives_until_next_call`
+    end_slopes: Array  # of `Rope.end_slope_derivatives`
 
 
 class LineEquations:
@@ -33,7 +41,8 @@ class LineEquations:
         self.layout = layout
         self.bodies = bodies
         x, y, t, u, v = layout.moving.T
-        at = {"x": x, "y": y, "t": t, "u": u, "v": v, "s": layout.s, "S": np.roll(layout.s, -1), "F": layout.F}
+        next_s = np.roll(layout.s, -1)
+        at = {"x": x, "y": y, "t": t, "u": u, "v": v, "s": layout.s, "S": next_s, "F": layout.F}
         of_bodies = [at[name][k] for k, body in enumerate(bodies) for name in body.unknown]
         # coordinates of the unknowns; the rows of the last ones are set by `CarOffRope`
         self.free = np.array([*layout.shapes, *of_bodies, *layout.angle_off_rope.values()])
@@ -44,14 +53,16 @@ class LineEquations:
         last = self.size + len(dependent)
         self._column = np.full(layout.size, last)
         self._column[[*self.free, *dependent]] = np.arange(last)
+        self._segment_columns = self._column[layout.columns]
         self._tangent = np.zeros((3, self.size, last + 1))
 
     def contact_values(self, rope: Rope, Z: Array) -> Array:
         """The values of `ContactState` at all contacts (..., contacts, 26)."""
         layout = self.layout
         x = np.zeros((*Z.shape[1:-1], layout.contacts, ContactState.size))
-        x[..., 1:, 0:2] = rope.balance_rows[..., -1, :]
-        x[..., :-1, 2:4] = -rope.balance_rows[..., -2, :]
+        rows = rope.balance_rows
+        x[..., 1:, 0:2] = rows[..., -1, :]
+        x[..., :-1, 2:4] = -rows[..., -2, :]
         x[..., 1:, 4:6] = rope.end_slopes[..., 1, :]
         x[..., :-1, 6:8] = rope.end_slopes[..., 0, :]
         for order in range(3):
@@ -68,35 +79,34 @@ class LineEquations:
 
     def residual(self, rope: Rope, contact_values: Array, frictions: Sequence[Friction]) -> Array:
         """The rows (..., n) of a rope with the values of its contacts."""
-        of_bodies = [
-            body.balance_rows(self.contact_state(contact_values, k), frictions[k])
-            for k, body in enumerate(self.bodies)
-            if body.unknown
-        ]
-        every = rope.balance_rows[..., :-2, :].reshape(*contact_values.shape[:-2], self.layout.inner)
-        inner = every[..., self.layout.shapes]
-        off_rope = np.zeros((*inner.shape[:-1], len(self.layout.angle_off_rope)))
-        return np.concatenate([inner, *of_bodies, off_rope], axis=-1)
+        instants = contact_values.shape[:-2]
+        of_rope = rope.balance_rows[..., :-2, :].reshape(*instants, self.layout.inner)
+        rows = [of_rope[..., self.layout.shapes]]
+        for k, body in enumerate(self.bodies):
+            if body.unknown:
+                state = self.contact_state(contact_values, k)
+                rows.append(body.balance_rows(state, frictions[k]))
+        rows.append(np.zeros((*instants, len(self.layout.angle_off_rope))))
+        return np.concatenate(rows, axis=-1)
 
-    def linearise(self, Z: Array, frictions: Sequence[Friction]) -> tuple[Array, Array]:
+    def residual_and_derivatives(self, Z: Array, frictions: Sequence[Friction]) -> tuple[Array, Array]:
         """The residual, and its derivatives (3, n, n) by unknowns, their velocities and accelerations.
 
         The next call overwrites the derivatives.
         """
         rope = Rope(self.layout, Z)
         layout = self.layout
-        by_rows = rope.row_derivatives_until_next_call()
-        by_slopes = rope.end_slope_derivatives
+        of_rope = RopeDerivatives(rope.row_derivatives_until_next_call(), rope.end_slope_derivatives)
         K = self._tangent
         K[:] = 0.0
         r = np.zeros(self.size)
         r[: layout.shapes.size] = rope.balance_rows[:, :-2].ravel()[layout.shapes]
-        columns = self._column[layout.columns]
         row = 0
         for i, shapes in enumerate(layout.functions_of):
-            block = by_rows[:, i, :-2].reshape(3, 2 * layout.functions, -1)[:, shapes]
-            K[:, row : row + block.shape[1], columns[i]] = block
-            row += block.shape[1]
+            block = of_rope.rows[:, i, :-2].reshape(3, 2 * layout.functions, -1)[:, shapes]
+            after = row + block.shape[1]
+            K[:, row:after, self._segment_columns[i]] = block
+            row = after
         contact_values = self.contact_values(rope, Z)
         for k, body in enumerate(self.bodies):
             if not body.unknown:
@@ -104,28 +114,26 @@ class LineEquations:
             rows = slice(row, row + len(body.unknown))
             r[rows] = body.balance_rows(self.contact_state(contact_values, k), frictions[k])
             derivatives = body.balance_row_derivatives(contact_values[k : k + body.contacts], frictions[k])
-            for j in range(k, k + body.contacts):
-                self._add_body_derivatives(K[:, rows], derivatives[:, j - k], j, by_rows, by_slopes)
+            for j, by_values in enumerate(derivatives.swapaxes(0, 1), start=k):
+                self._add_derivatives_through_contact(j, by_values, of_rope, K[:, rows])
             row = rows.stop
         for dependent in reversed(layout.dependent):
             dependent.fold_dependent_derivatives(K, Z, self._column)
         return r, K[:, :, : self.size]
 
-    def _add_body_derivatives(self, K: Array, by_values: Array, contact: int, by_rows: Array, by_slopes: Array) -> None:
-        """Add the derivatives of a body's rows through one contact to K (3, rows, columns).
-
-        by_values : by the values of `ContactState` there (rows, 26);  by_rows, by_slopes : of these by coordinates
-        """
+    def _add_derivatives_through_contact(self, j: int, by_values: Array, of_rope: RopeDerivatives, K: Array) -> None:
+        """Add derivatives of a body's rows, by the values of contact j (rows, 26), to K (3, rows, columns)."""
         layout = self.layout
-        j = contact
-        columns = self._column[layout.columns]
         if j > 0:
-            K[:, :, columns[j - 1]] += by_values[:, 0:2] @ by_rows[:, j - 1, -1]
-            K[0][:, columns[j - 1]] += by_values[:, 4:6] @ by_slopes[j - 1, 1]
+            behind = self._segment_columns[j - 1]
+            K[:, :, behind] += by_values[:, 0:2] @ of_rope.rows[:, j - 1, -1]
+            K[0][:, behind] += by_values[:, 4:6] @ of_rope.end_slopes[j - 1, 1]
         if j < layout.segments:
-            K[:, :, columns[j]] -= by_values[:, 2:4] @ by_rows[:, j, -2]
-            K[0][:, columns[j]] += by_values[:, 6:8] @ by_slopes[j, 0]
+            ahead = self._segment_columns[j]
+            K[:, :, ahead] -= by_values[:, 2:4] @ of_rope.rows[:, j, -2]
+            K[0][:, ahead] += by_values[:, 6:8] @ of_rope.end_slopes[j, 0]
+        moving = self._column[layout.moving[j]]
         for order in range(3):
-            K[order][:, self._column[layout.moving[j]]] += by_values[:, 8 + 5 * order : 13 + 5 * order]
+            K[order][:, moving] += by_values[:, 8 + 5 * order : 13 + 5 * order]
         K[1:, :, self._column[layout.s[j]]] += by_values[:, 23:25].T
         K[2, :, self._column[layout.F[j]]] += by_values[:, 25]

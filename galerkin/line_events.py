@@ -35,13 +35,11 @@ class WatchedEvents:
     def _event_names(self, line: MovingLine, cars: Mapping[int, str]) -> tuple[str, ...]:
         """cars : names by contact."""
         touching = line.contacts_and_wheels
-        return (
-            *(meeting_event_name(touching[i], touching[i + 1]) for i in self.gaps),
-            *(f"{cars[k]} stops" for k in self.stops),
-            *(f"{cars[k]} brakes" for k, _ in self.brakes),
-            *(lift_off_event_name(contact) for contact in touching if not isinstance(contact, Contact)),
-            "rope falls slack",
-            *(f"rope lifts off {touching[k].name}" for k in self.saddles),
-            *(f"{cars[k]} breaks loose" for k in self.stops),
-            *map(str, self.passages),
-        )
+        meetings = [meeting_event_name(touching[i], touching[i + 1]) for i in self.gaps]
+        stops = [f"{cars[k]} stops" for k in self.stops]
+        brakes = [f"{cars[k]} brakes" for k, _ in self.brakes]
+        wheels = [lift_off_event_name(contact) for contact in touching if not isinstance(contact, Contact)]
+        saddles = [f"rope lifts off {touching[k].name}" for k in self.saddles]
+        starts = [f"{cars[k]} breaks loose" for k in self.stops]
+        by_force = [*wheels, "rope falls slack", *saddles, *starts]
+        return *meetings, *stops, *brakes, *by_force, *map(str, self.passages)

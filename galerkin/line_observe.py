@@ -44,13 +44,13 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
         if isinstance(body, CarBody):
             positions = rope.positions[:, k : k + body.contacts]
             cars.append(_car_motion(body, positions, at))
-            powers |= _powers_on_rope(system, k, states, positions[:, -1], at)
+            powers |= _car_powers(system, k, states, positions[:, -1], at)
         elif isinstance(contact, Contact):
             contacts.append(_contact_motion(line, contact, body, rope.positions[:, k], at))
         if isinstance(body, Counterweight):
             powers[f"{contact.name} weight"] = _counterweight_power(line, body, at)
     for car in system.off_rope.values():
-        at = _states_off_rope(system, car, states)
+        at = _contact_state_off_rope(system, car, states)
         motion, own_powers = _motion_and_powers_off_rope(line, car, states, at, tuple(contacts))
         cars.append(motion)
         powers |= own_powers
@@ -72,28 +72,30 @@ def _rope_history(system: LineSines, states: Sequence[State], s: Array) -> RopeH
     points = np.empty((n, s.size, 2))
     tension = np.empty((n, s.size))
     energies = np.empty((3, n))
-    integrals = _legendre_integration_matrix(layout)
+    integration = _legendre_integration_matrix(layout)
     at_once = 64  # states
     for first in range(0, n, at_once):
         some = slice(first, first + at_once)
-        Z = np.stack([system.coordinates_with_rates(x) for x in states[some]], axis=1)
+        coordinates = [system.coordinates_with_rates(x) for x in states[some]]
+        Z = np.stack(coordinates, axis=1)
         rope = Rope(layout, Z)
         contact_values[some] = system.equations.contact_values(rope, Z)
         positions[some] = Z[0][:, layout.s]
         energies[:, some] = _rope_energies(rope)
-        points[some], tension[some] = _points_and_tensions(rope, Z, s, integrals)
+        points[some], tension[some] = _points_and_tensions(rope, Z[0], s, integration)
     beyond = (s < positions[:, :1]) | (s > positions[:, -1:])
     points[beyond] = np.nan
     tension[beyond] = np.nan
     return RopeHistory(contact_values, positions, points, tension, energies)
 
 
-def _states_off_rope(system: LineSines, car: CarOffRope, states: Sequence[State]) -> ContactState:
+def _contact_state_off_rope(system: LineSines, car: CarOffRope, states: Sequence[State]) -> ContactState:
     """What acts on a car off the rope at all states."""
-    each = [
-        car.contact_state(np.array([x.t]), system.coordinates_with_rates(x)[:, None], x.phase).values for x in states
-    ]
-    return ContactState(np.concatenate(each))
+    values = []
+    for x in states:
+        Z = system.coordinates_with_rates(x)[:, None]
+        values.append(car.contact_state(np.array([x.t]), Z, x.phase).values)
+    return ContactState(np.concatenate(values))
 
 
 def _motion_and_powers_off_rope(
@@ -104,18 +106,38 @@ def _motion_and_powers_off_rope(
     powers = body.drag_drive_and_swing_powers(at)
     powers.pop(body.driven, None)  # by the motion along the rail
     points = np.stack([at.p, at.dp, at.ddp], axis=1)
-    off_rope = OffRopeState(points, body.contact_force(at), powers, _turning_motion(body, at, ()))
+    turning = _turning_motion(body, at, ())
+    off_rope = OffRopeState(points, body.force_needed_from_rope(at), powers, turning)
     return off_rope_motion_and_powers(line, body.car, states, off_rope, contacts)
 
 
-def _powers_on_rope(system: LineSines, k: int, states: Sequence[State], s: Array, at: Any) -> dict[str, Array]:
-    """Powers of a car at contact k, with the positions s (n,) of its front wheel."""
+def _car_powers(system: LineSines, k: int, states: Sequence[State], s: Array, at: Any) -> dict[str, Array]:
+    """Powers (n,) [W] of a car at contact k of the rope, named as in `LineMotion`; s (n,) of its front wheel."""
+    line = system.line
     body = system.cars[k]
-    times = np.array([x.t for x in states])
+    name = body.car.name
+    drive = body.car.drive
+    wheels = body.wheel_states(at)
+    x = wheels[-1]
+    powers = {f"{name} {cause}": power for cause, power in body.drag_drive_and_swing_powers(at).items()}
+    if drive.mode == "grip":
+        kink = _material_force(line, x.ahead, x.ds) - _material_force(line, x.behind, x.ds)
+        powers[f"{name} grip"] = -kink * x.ds
+        return powers
+    times = np.array([state.t for state in states])
     before_jump = np.append(times[1:] <= times[:-1], False)
     reached = s - 1e-9 * before_jump  # of two states at a brake the first is short of it
-    hold = system.holds.get(k, 0.0) * np.array([body.car.drive.remaining_hold_fraction(t) for t in times.tolist()])
-    return _car_powers(system.line, body, reached, at, hold)
+    rolling = drive.mu_r if body.car.rail is None else 0.0  # a shoe has no friction
+    friction = Friction(rolling, body.brake_forces_of_wheels(reached))
+    resisting = body.friction_and_brake_forces(body.normal_wheel_loads(at), friction)
+    lost = np.zeros(s.size)
+    for wheel, force in zip(wheels, resisting.T, strict=True):
+        lost += wheel.mean_stretch * force * np.abs(wheel.ds)
+    powers[f"{name} friction"] = -lost
+    if drive.mode == "free":
+        fractions = [drive.remaining_hold_fraction(t) for t in times.tolist()]
+        powers[f"{name} hold"] = x.mean_stretch * (system.holds[k] * np.array(fractions)) * x.ds
+    return powers
 
 
 def _counterweight_power(line: MovingLine, body: Counterweight, at: ContactState) -> Array:
@@ -130,21 +152,25 @@ def _car_motion(body: CarBody, s: Array, at: Any) -> CarMotion:
     wheels = body.wheel_states(at)
     rear = wheels[0]
     x = wheels[-1]
-    none = np.full(len(s), np.nan)
-    pressing = body.normal_wheel_loads(at)
-    hauled = car.drive.mode == "haul"
-    grips = car.drive_kind == "grip"
-    on_shoe = np.zeros(len(s))
+    loads = body.normal_wheel_loads(at)
+    haul_force = grip_force = np.full(len(s), np.nan)
+    if car.drive.mode == "haul":
+        haul_force = rear.F
+    if car.drive_kind == "grip":
+        grip_force = body.tangential_force_on_last_wheel(at) / x.cos_phi
+    shoe_force = np.zeros(len(s))
     if car.rail is not None and isinstance(body, PointCar):
-        on_shoe = -(downward_normals(car.rail, x.p[:, 0]) * (body.force_on_rope(x) + body.contact_force(x))).sum(axis=1)
-    both = () if len(wheels) == 1 else zip(("rear", "front"), wheels, s.T, pressing.T, strict=True)
-    turning = _turning_motion(body, at, [_wheel_motion(f"{car.name}.{name}", *of) for name, *of in both])
+        on_shoe = body.force_on_rope(x) + body.force_needed_from_rope(x)
+        shoe_force = -(downward_normals(car.rail, x.p[:, 0]) * on_shoe).sum(axis=1)
+    wheel_motions = []
+    if len(wheels) > 1:
+        for i, side in enumerate(("rear", "front")):
+            wheel_motions.append(_wheel_motion(f"{car.name}.{side}", wheels[i], s[:, i], loads[:, i]))
     return CarMotion(
         name=car.name, s=s[:, -1], ds=x.ds, point=x.p, velocity=x.dp, acceleration=x.ddp,
         tension_behind=length(rear.behind), tension_ahead=length(x.ahead), slope_behind=rear.slope_behind,
-        slope_ahead=x.slope_ahead, haul_force=rear.F if hauled else none,
-        grip_force=body.tangential_force_on_last_wheel(at) / x.cos_phi if grips else none,
-        contact_force=pressing.sum(axis=-1), shoe_force=on_shoe, turning=turning,
+        slope_ahead=x.slope_ahead, haul_force=haul_force, grip_force=grip_force,
+        contact_force=loads.sum(axis=-1), shoe_force=shoe_force, turning=_turning_motion(body, at, wheel_motions),
     )  # fmt: skip
 
 
@@ -153,7 +179,7 @@ def _turning_motion(body: CarBody, at: Any, wheels: Sequence[WheelMotion]) -> Tu
     if not body.turns:
         return None
     x = body.wheel_states(at)[0]
-    centre, _ = body.centre_of_mass_and_velocity(at)
+    centre, _ = body.turning_body_centre_and_velocity(at)
     return Turning(
         angle=x.angle[:, 0], rate=x.dangle[:, 0], acceleration=x.ddangle[:, 0], centre=centre, wheels=tuple(wheels),
     )  # fmt: skip
@@ -164,26 +190,6 @@ def _wheel_motion(name: str, x: ContactState, s: Array, load: Array) -> WheelMot
         name=name, s=s, ds=x.ds, point=x.p, load=load, tension_behind=length(x.behind),
         tension_ahead=length(x.ahead), slope_behind=x.slope_behind, slope_ahead=x.slope_ahead,
     )  # fmt: skip
-
-
-def _car_powers(line: MovingLine, body: CarBody, s: Array, at: Any, hold: Array) -> dict[str, Array]:
-    """Powers (n,) [W] of a car at s on the rope, under a force `hold` along it, named as in `LineMotion`."""
-    name = body.car.name
-    drive = body.car.drive
-    wheels = body.wheel_states(at)
-    x = wheels[-1]
-    powers = {f"{name} {cause}": power for cause, power in body.drag_drive_and_swing_powers(at).items()}
-    if drive.mode == "grip":
-        kink = _material_force(line, x.ahead, x.ds) - _material_force(line, x.behind, x.ds)
-        return powers | {f"{name} grip": -kink * x.ds}
-    rolling = drive.mu_r if body.car.rail is None else 0.0  # a shoe has no friction
-    friction = Friction(rolling, body.brake_forces_of_wheels(s))
-    resisting = body.friction_and_brake_forces(body.normal_wheel_loads(at), friction)
-    lost = [wheel.mean_stretch * resisting[..., i] * np.abs(wheel.ds) for i, wheel in enumerate(wheels)]
-    powers[f"{name} friction"] = -sum(lost, np.zeros(s.size))
-    if drive.mode == "free":
-        powers[f"{name} hold"] = x.mean_stretch * hold * x.ds
-    return powers
 
 
 def _contact_motion(line: MovingLine, contact: Contact, body: Body, s: Array, x: ContactState) -> ContactMotion:
@@ -218,34 +224,40 @@ def _material_force(line: MovingLine, force: Array, ds: Array) -> Array:
 def _rope_energies(rope: Rope) -> Array:
     """Kinetic, strain and potential energy (3, n) [J]."""
     line = rope.layout.line
-    stretch = rope.tensions.stretch
-    w = rope.layout.tables.weights * rope.h[0]
     kinetic = 0.5 * line.rope.mass_per_length * (rope.r[1] ** 2).sum(axis=-1)
-    strain = 0.5 * line.rope.EA * (stretch - 1.0) ** 2
+    strain = 0.5 * line.rope.EA * (rope.tensions.stretch - 1.0) ** 2
     potential = -line.weight_per_length * rope.r[0, ..., 1]
-    return (w * np.stack([kinetic, strain, potential])).sum(axis=(-2, -1))
+    densities = np.stack([kinetic, strain, potential])  # (3, n, S, G)
+    weights = rope.layout.tables.weights * rope.h[0]
+    return (weights * densities).sum(axis=(-2, -1))
 
 
 def _legendre_integration_matrix(layout: Layout) -> Array:
     """Legendre coefficients (G + 1, G) of int_0^xi f from f at the points."""
-    count = layout.tables.points.size
-    values = legendre.legvander(2.0 * layout.tables.points - 1.0, count - 1)  # (G, count)
-    coefficients = (values * layout.tables.weights[:, None] * (2.0 * np.arange(count) + 1.0)).T
+    tables = layout.tables
+    orders = np.arange(tables.points.size)
+    values = legendre.legvander(2.0 * tables.points - 1.0, orders[-1])  # (G, orders)
+    coefficients = (values * tables.weights[:, None] * (2.0 * orders + 1.0)).T
     return np.asarray(0.5 * legendre.legint(coefficients, lbnd=-1.0, axis=0))
 
 
-def _points_and_tensions(rope: Rope, Z: Array, s: Array, integrals: Array) -> tuple[Array, Array]:
-    """Points (n, m, 2) and tensions (n, m) at s, on the segment behind a contact: N t at L and the load from there."""
+def _points_and_tensions(rope: Rope, coordinates: Array, s: Array, integration: Array) -> tuple[Array, Array]:
+    """Points (n, m, 2) and tensions (n, m) at s, on the segment behind a contact: N t at L and the load from there.
+
+    coordinates (n, layout.size);  integration : `_legendre_integration_matrix`
+    """
     layout = rope.layout
-    at = Z[0][:, layout.s]  # (n, contacts)
-    row = np.arange(len(at))[:, None]
-    i = np.sum(at[:, 1:-1, None] < s, axis=1)  # segments (n, m)
+    n = len(coordinates)
+    contacts = coordinates[:, layout.s]
+    row = np.arange(n)[:, None]
+    i = np.sum(contacts[:, 1:-1, None] < s, axis=1)  # segments (n, m)
     h = rope.h[0, row, i]  # (n, m, 1)
-    xi = (s - at[row, i]) / h[..., 0]
-    u = Z[0][:, layout.columns[:, :-2]].reshape(len(at), layout.segments, -1, 2)
-    B = basis_functions_and_derivatives(xi.ravel(), layout.terms)[0].reshape(*xi.shape, -1)
+    xi = (s - contacts[row, i]) / h[..., 0]
+    u = coordinates[:, layout.columns[:, :-2]].reshape(n, layout.segments, -1, 2)
+    B = basis_functions_and_derivatives(xi.ravel(), layout.terms)[0].reshape(n, s.size, -1)
     points = (B[..., None, :] @ u[row, i])[..., 0, :]
-    sums = (integrals @ rope.inertia_and_weight)[row, i]  # (n, m, coefficients, 2)
-    legendres = legendre.legvander(2.0 * xi - 1.0, len(integrals) - 1)
-    load = h * (legendres[..., None, :] @ sums)[..., 0, :]
-    return points, length(load - rope.balance_rows[row, i, -2])
+    integrals = (integration @ rope.inertia_and_weight)[row, i]  # (n, m, G + 1, 2)
+    legendres = legendre.legvander(2.0 * xi - 1.0, len(integration) - 1)
+    load = h * (legendres[..., None, :] @ integrals)[..., 0, :]
+    minus_force_at_left = rope.balance_rows[row, i, -2]
+    return points, length(load - minus_force_at_left)

@@ -25,7 +25,7 @@ class CarOffRope:
         self.angle_row = rows[layout.angle_off_rope[car.name]] if car.hanger is not None else None
 
     @property
-    def has_rows(self) -> bool:
+    def acts_in_rows(self) -> bool:
         """Whether the car acts in a row."""
         return self.saddle_row is not None or self.angle_row is not None
 
@@ -33,22 +33,23 @@ class CarOffRope:
         """What the body takes, at the times t (n,), from Z (3, n, layout.size)."""
         car = self.body.car
         assert car.rail is not None
-        flow = Z[:, :, self.layout.s[self.saddle]].T
-        instants = zip(t.tolist(), flow, strict=True)
-        points = [self.line.point_with_rates_off_rope(car, at, phase, s) for at, s in instants]
+        rope_at_saddle = Z[:, :, self.layout.s[self.saddle]].T  # s with its rates (n, 3)
         x = np.zeros((t.size, ContactState.size))
+        for values, at, s in zip(x, t.tolist(), rope_at_saddle, strict=True):
+            point, velocity, acceleration = self.line.point_with_rates_off_rope(car, at, phase, s)
+            values[8:10] = point
+            values[13:15] = velocity
+            values[18:20] = acceleration
+        if car.hanger is not None:
+            x[:, [10, 15, 20]] = Z[:, :, self.layout.angle_off_rope[car.name]].T
         x[:, [4, 6]] = 1.0  # the rail in the place of the rope
-        for order, point in enumerate(np.swapaxes(points, 0, 1)):
-            x[:, 8 + 5 * order : 10 + 5 * order] = point
-            if car.hanger is not None:
-                x[:, 10 + 5 * order] = Z[order][:, self.layout.angle_off_rope[car.name]]
         x[:, [5, 7]] = car.rail.depth_with_derivatives(x[:, 8])[1][:, None]
         return ContactState(x)
 
     def complete_residuals(self, x: ContactState, r: Array) -> None:
         """Add the grip to the residuals r (n, rows) of n instants, and set the row of the cabin."""
         if self.saddle_row is not None:
-            r[:, self.saddle_row] -= dot(self.body.contact_force(x), x.tau)
+            r[:, self.saddle_row] -= dot(self.body.force_needed_from_rope(x), x.tau)
         if self.angle_row is not None:
             r[:, self.angle_row] = self.body.cabin_moment_balance(x)[:, 0]
 

@@ -39,9 +39,10 @@ def coordinates_at_rest(system: LineSines, time_shift: float = 0.0, guess: Array
     search = RestSearch(system, Z)
     if guess is not None:
         return search.solve(guess)
+    tension = _tension_scale(system.line)
     for factor in (1.0, 4.0, 0.25):
         try:
-            return _rest_by_stiffening_rope(search, factor * _tension_scale(system.line))
+            return _rest_by_stiffening_rope(search, factor * tension)
         except StepFailure:
             continue
     raise StepFailure(0.0, "no rest of the line was found", "start the cars elsewhere")
@@ -112,7 +113,7 @@ class RestSearch:
         before = math.inf
         bound = TOL * self.system.line.rope.EA
         for _ in range(ITERATIONS):
-            r, K = self.equations.linearise(self.coordinates(unknowns), self.frictions)
+            r, K = self.equations.residual_and_derivatives(self.coordinates(unknowns), self.frictions)
             step = np.linalg.solve(np.where(forces, K[2], K[0]), r)
             now = float(np.linalg.norm(r))
             if now <= bound and now >= 0.5 * before:
@@ -152,7 +153,8 @@ def guess_sagging_chords(system: LineSines, Z: Array) -> Array:
     for k in system.cars:
         i = int(np.searchsorted(supports, k)) - 1
         s = Z[0, layout.s[supports[i : i + 2]]]
-        _set_car_on_chord(system, k, Chord(s, points[i], points[i + 1] - points[i], sags[i]), Z)
+        chord = Chord(s, points[i], points[i + 1] - points[i], sags[i])
+        _set_car_on_chord(system, k, chord, Z)
     return Z
 
 
@@ -174,16 +176,19 @@ def _set_car_on_chord(system: LineSines, k: int, chord: Chord, Z: Array) -> None
     """Set the contacts of a car in Z: by its x, or by its s."""
     layout = system.layout
     front = system.travel_contact[k]
+    s, x, y = layout.s[front], layout.x[front], layout.y[front]
     s_0, s_1 = chord.s
     if system.cars[k].car.drive_kind == "haul_x":
-        fraction = (Z[0, layout.x[front]] - chord.start[0]) / chord.direction[0]
-        Z[0, layout.s[front]] = s_0 + fraction * (s_1 - s_0)
+        fraction = (Z[0, x] - chord.start[0]) / chord.direction[0]
+        Z[0, s] = s_0 + fraction * (s_1 - s_0)
     else:
-        fraction = (Z[0, layout.s[front]] - s_0) / (s_1 - s_0)
-        Z[0, layout.x[front]] = chord.start[0] + fraction * chord.direction[0]
-    Z[0, layout.y[front]] = chord.y(fraction)
+        fraction = (Z[0, s] - s_0) / (s_1 - s_0)
+        Z[0, x] = chord.start[0] + fraction * chord.direction[0]
+    Z[0, y] = chord.y(fraction)
     if front > k:
         wheel = layout.wheels[front]
-        Z[0, layout.s[k]] = Z[0, layout.s[front]] - (wheel.arm[0] - layout.wheels[k].arm[0])
-        Z[0, wheel.pitch] = math.atan2(chord.direction[1], chord.direction[0])
+        base = wheel.arm[0] - layout.wheels[k].arm[0]
+        Z[0, layout.s[k]] = Z[0, layout.s[front]] - base
+        dx, dy = chord.direction
+        Z[0, wheel.pitch] = math.atan2(dy, dx)
         Z[0, wheel.c] = Z[0, wheel.p] - rotate(wheel.arm, Z[0, wheel.pitch, None])

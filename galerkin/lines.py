@@ -55,7 +55,7 @@ class LineSines(System):
         self.layout = Layout(line, terms)
         self.phases = line.phases
         bodies = [body_at_contact(line, contact) for contact in line.contacts_and_wheels]
-        held = [body.copy_held_at_rest() if isinstance(body, CarBody) else body for body in bodies]
+        held = [body.copy_held_without_drag() if isinstance(body, CarBody) else body for body in bodies]
         self.cars = {k: body for k, body in enumerate(bodies) if isinstance(body, CarBody)}
         # contact of each car that its travel is of: the front wheel
         self.travel_contact = {k: k + body.contacts - 1 for k, body in self.cars.items()}
@@ -72,7 +72,7 @@ class LineSines(System):
         self.events = self.watched.names
         self.passages = self.watched.passages
         self.off_rope = self._cars_off_rope()
-        self._acting_off_rope = [car for car in self.off_rope.values() if car.has_rows]
+        self._acting_off_rope = [car for car in self.off_rope.values() if car.acts_in_rows]
         self._prescribed: dict[tuple[float, int], Array] = {}
         self._force_events: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
         self._last_balance: Balance | None = None  # of the last residuals
@@ -175,7 +175,7 @@ class LineSines(System):
     def _residual_and_derivatives(self, x: State) -> tuple[Array, Array]:
         """The residual, and its derivatives (3, n_dof, n_dof) by q, v, a."""
         Z = self.coordinates_with_rates(x)
-        r, K = self.equations.linearise(Z, self.frictions_at(x.t))
+        r, K = self.equations.residual_and_derivatives(Z, self.frictions_at(x.t))
         for car in self._acting_off_rope:
             state = car.contact_state(np.array([x.t]), Z[:, None], x.phase)
             car.complete_residuals(state, r[None])
@@ -194,7 +194,7 @@ class LineSines(System):
         rest = coordinates_at_rest(self)
         rope = Rope(self.layout, rest)
         contact_values = self.held_equations.contact_values(rope, rest)
-        self._require_taut_rope(rope.tensions.N, contact_values)
+        self._require_taut_rope_on_saddles(rope.tensions.N, contact_values)
         for k in self.free_cars:
             self._release_car(k, rest, contact_values)
         free = self.equations.free
@@ -207,7 +207,7 @@ class LineSines(System):
         self.begin_step(x)
         return self.with_acceleration(x)
 
-    def _require_taut_rope(self, N: Array, contact_values: Array) -> None:
+    def _require_taut_rope_on_saddles(self, N: Array, contact_values: Array) -> None:
         """StepFailure where the rope at rest is slack or lifts off a saddle."""
         slack, *pressures = self._tension_and_pressures(N, contact_values)
         lowest = min(pressures, default=0.0)
@@ -267,7 +267,7 @@ class LineSines(System):
 
     def _release_car(self, k: int, Z: Array, contact_values: Array) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
-        body = self.cars[k].copy_held_at_rest()
+        body = self.cars[k].copy_held_without_drag()
         state = self.held_equations.contact_state(contact_values, k)
         cos_phi = float(body.wheel_states(state)[-1].cos_phi)
         self.holds[k] = float(body.tangential_force_on_last_wheel(state)) / cos_phi
@@ -336,15 +336,19 @@ class LineSines(System):
     def event_values(self, x: State) -> tuple[float, ...]:
         Z = self.coordinates_with_rates(x)
         watched = self.watched
-        s = Z[0, self.layout.s]
-        ds = Z[1, self.layout.s]
-        gaps = [float(s[i + 1] - s[i]) - NEAREST for i in watched.gaps]
-        slips = [float(ds[self.travel_contact[k]]) * self.frictions[k].sign for k in watched.stops]
-        speeds = [math.inf if self._sticks(k) else slip for k, slip in zip(watched.stops, slips, strict=True)]
-        to_brakes = [position - float(s[self.travel_contact[k]]) for k, position in watched.brakes]
+        s, ds = Z[:2, self.layout.s].tolist()
+        gaps = [s[i + 1] - s[i] - NEAREST for i in watched.gaps]
+        speeds = []
+        for k in watched.stops:
+            slip = ds[self.travel_contact[k]] * self.frictions[k].sign
+            speeds.append(math.inf if self._sticks(k) else slip)
+        to_brakes = [position - s[self.travel_contact[k]] for k, position in watched.brakes]
         forces = self._force_event_values(x, Z, contacts_in_order=min(gaps, default=1.0) > 0.0)
-        passing = [p.distance_to_go(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in watched.passages]
-        return (*gaps, *speeds, *to_brakes, *forces, *passing)
+        passing = []
+        for passage in watched.passages:
+            position, speed = self.car_point_and_rates(passage.car, x)[:2, 0].tolist()
+            passing.append(passage.distance_to_go(position, speed))
+        return *gaps, *speeds, *to_brakes, *forces, *passing
 
     def _force_event_values(self, x: State, Z: Array, contacts_in_order: bool) -> list[float]:
         """Loads of wheels, tension of the rope, pressures on saddles, margins of friction [N]; stored for one state."""

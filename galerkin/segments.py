@@ -26,14 +26,18 @@ POLYNOMIALS = np.array([[0.0, 1.0, -1.0, 0.0], [0.0, 1.0, -3.0, 2.0], [1.0, -1.0
 
 def jet_product(f: Array, g: Array) -> Array:
     """The jet of f g."""
-    return np.stack([f[0] * g[0], f[1] * g[0] + f[0] * g[1], f[2] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[2]])
+    x = f[0] * g[0]
+    dx = f[1] * g[0] + f[0] * g[1]
+    ddx = f[2] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[2]
+    return np.stack([x, dx, ddx])
 
 
 def jet_quotient(f: Array, g: Array) -> Array:
     """The jet of f/g."""
     x = f[0] / g[0]
     dx = (f[1] - x * g[1]) / g[0]
-    return np.stack([x, dx, (f[2] - 2.0 * dx * g[1] - x * g[2]) / g[0]])
+    ddx = (f[2] - 2.0 * dx * g[1] - x * g[2]) / g[0]
+    return np.stack([x, dx, ddx])
 
 
 def jet_composition(F: Array, xi: Array) -> Array:
@@ -54,11 +58,17 @@ def jet_composition(F: Array, xi: Array) -> Array:
 def basis_functions_and_derivatives(xi: Array, terms: int) -> Array:
     """B and its derivatives by xi up to the third, (4, points, terms + 4)."""
     k = np.pi * np.arange(1, terms + 1)
-    sin = np.sin(k * xi[:, None])
-    cos = np.cos(k * xi[:, None])
+    phase = k * xi[:, None]
+    sin = np.sin(phase)
+    cos = np.cos(phase)
     sines = np.stack([sin, k * cos, -(k**2) * sin, -(k**3) * cos])
-    others = [polyval(xi, polyder(POLYNOMIALS, order)).T for order in range(4)]
-    return np.concatenate([sines, np.array(others)], axis=2)
+    polynomials = [polyval(xi, polyder(POLYNOMIALS, order)).T for order in range(4)]
+    return np.concatenate([sines, polynomials], axis=2)
+
+
+def acceleration_derivatives(jet: Array) -> Array:
+    """d(r..) by a coordinate, its velocity and acceleration, from the jet of dr/d(coordinate)."""
+    return np.stack([jet[2], 2.0 * jet[1], jet[0]])
 
 
 class FunctionTables:
@@ -71,10 +81,12 @@ class FunctionTables:
         self.B = basis_functions_and_derivatives(self.points, terms)  # (4, G, M)
         self.flat = self.B.reshape(-1, terms + 4)
         self.tests = np.concatenate([self.B[0], self.B[1]]).T.copy()  # (M, 2 G)
-        powered = np.vander(self.points, 3, increasing=True).T * self.weights  # (3, G)
-        moments = self.B[0].T @ (powered[..., None] * self.B[:3, None])  # int B xi^k (B, B', B'')
+        powers = np.vander(self.points, 3, increasing=True).T  # (3, G)
+        weighted = (powers * self.weights)[..., None]
+        moments = self.B[0].T @ (weighted * self.B[:3, None])  # int B xi^k (B, B', B'')
         self.moments = moments.reshape(9, terms + 4, -1)
-        self.end_slopes = basis_functions_and_derivatives(np.array([0.0, 1.0]), terms)[1]  # B' at L and R
+        ends = np.array([0.0, 1.0])
+        self.end_slopes = basis_functions_and_derivatives(ends, terms)[1]  # B' at L and R
 
 
 class Layout:
@@ -87,7 +99,8 @@ class Layout:
     def __init__(self, line: MovingLine, terms: int) -> None:
         self.line = line
         self.terms = terms
-        self.contacts = len(line.contacts_and_wheels)
+        contacts = dict(enumerate(line.contacts_and_wheels))
+        self.contacts = len(contacts)
         self.segments = self.contacts - 1
         self.tables = FunctionTables(terms)
         self.functions = terms + 2  # without those of the ends
@@ -99,18 +112,21 @@ class Layout:
         first = self.inner + 7 * self.contacts
         self.angle_off_rope = {car.name: i for i, car in enumerate(line.swinging_cars_off_rope, start=first)}
         self.size = first + len(self.angle_off_rope)
-        wheels = {k: contact for k, contact in enumerate(line.contacts_and_wheels) if isinstance(contact, Wheel)}
+        wheels = {k: contact for k, contact in contacts.items() if isinstance(contact, Wheel)}
         self.wheels = {k: self._wheel_on_car(k, wheel) for k, wheel in wheels.items()}
-        self.dependent = self._dependent_coordinates(wheels)
+        cars = {k: contact for k, contact in contacts.items() if isinstance(contact, Car)}
+        self.dependent = [*self._driven_centres(wheels), *self.wheels.values(), *self._depths_on_rails(cars)]
         between_wheels = [k for k, wheel in wheels.items() if not wheel.front]
-        self.outer = [i for i in range(self.segments) if i not in between_wheels]
+        segments = range(self.segments)
+        self.outer = [i for i in segments if i not in between_wheels]
         # between two wheels the rope takes the polynomials alone
-        self.functions_of = [slice(2 * terms * (i in between_wheels), 2 * self.functions) for i in range(self.segments)]
+        first_function = [terms if i in between_wheels else 0 for i in segments]
+        self.functions_of = [slice(2 * first, 2 * self.functions) for first in first_function]
         q = np.arange(self.inner).reshape(self.segments, -1)
         self.shapes = np.concatenate([q[i, part] for i, part in enumerate(self.functions_of)])
-        ends = [at[side] for side in (slice(-1), slice(1, None)) for at in (self.x, self.y)]
+        points = of_contacts[:, :2]
         # of a segment: q, p of L and R, s of L and R, (segments, 2 functions + 6)
-        self.columns = np.column_stack([q, *ends, self.s[:-1], self.s[1:]])
+        self.columns = np.column_stack([q, points[:-1], points[1:], self.s[:-1], self.s[1:]])
         self.softness = Softness(0.0, 1.0)
         # of `Rope.row_derivatives_until_next_call`; the same at each call, large new arrays are slow
         self.blocks = np.empty((3, self.segments, terms + 4, 2, 2 * terms + 10))
@@ -120,18 +136,20 @@ class Layout:
         rear = k - wheel.front
         return Follower(self.moving[k, :2], self.moving[rear, 3:5], int(self.angle[rear]), wheel_arm_in_car_axes(wheel))
 
-    def _dependent_coordinates(self, wheels: dict[int, Wheel]) -> list[Follower | OnRail]:
-        """Coordinates that follow from others: centres of cars whose front x is given, wheels, depths on rails."""
+    def _driven_centres(self, wheels: dict[int, Wheel]) -> list[Follower]:
+        """x of the centres of cars whose front wheel has a prescribed x."""
         centres = []
         for k, wheel in wheels.items():
             if wheel.front and wheel.car.drive_kind == "haul_x":
                 x, y = wheel_arm_in_car_axes(wheel)
-                rear = k - 1
-                centres.append(Follower(self.moving[rear, 3:4], self.moving[k, :1], int(self.angle[rear]), (-x, -y)))
-        cars = {k: c for k, c in enumerate(self.line.contacts_and_wheels) if isinstance(c, Car)}
+                rear = self.moving[k - 1]
+                centres.append(Follower(rear[3:4], self.moving[k, :1], int(self.angle[k - 1]), (-x, -y)))
+        return centres
+
+    def _depths_on_rails(self, cars: dict[int, Car]) -> list[OnRail]:
+        """y of the cars on rails, from their x."""
         rails = {k: car.rail for k, car in cars.items() if car.rail is not None}
-        depths = [OnRail(self.moving[k, 1:2], int(self.moving[k, 0]), rail) for k, rail in rails.items()]
-        return [*centres, *self.wheels.values(), *depths]
+        return [OnRail(self.moving[k, 1:2], int(self.x[k]), rail) for k, rail in rails.items()]
 
     def set_dependent_coordinates(self, Z: Array) -> None:
         """Set what follows from other coordinates in Z (3, ..., size)."""
@@ -182,14 +200,14 @@ class Rope:
 
     @cached_property
     def tensions(self) -> Tensions:
-        rope = self.layout.line.rope
-        softness = self.layout.softness
+        EA = self.layout.line.rope.EA
+        about, fraction = self.layout.softness
         squared = self.slope[..., 0] ** 2 + self.slope[..., 1] ** 2
         stretch = np.sqrt(squared)
-        N = rope.EA * (squared - 1.0) / (stretch + 1.0)
-        N = softness.about + softness.fraction * (N - softness.about)
+        N = EA * (squared - 1.0) / (stretch + 1.0)
+        N = about + fraction * (N - about)
         force = (N / stretch)[..., None] * self.slope
-        return Tensions(N, softness.fraction * rope.EA, stretch, force)
+        return Tensions(N, fraction * EA, stretch, force)
 
     @cached_property
     def inertia_and_weight(self) -> Array:
@@ -208,9 +226,11 @@ class Rope:
     @cached_property
     def balance_rows(self) -> Array:
         """int rho (r.. - g j) B + N t . B' ds (..., S, M, 2); the last two are - N t at L and N t at R."""
-        w = self.layout.tables.weights[:, None]
-        both = np.concatenate([self.h[0, ..., None] * self.inertia_and_weight, self.tensions.force], axis=-2)
-        return self.layout.tables.tests @ (np.concatenate([w, w]) * both)
+        tables = self.layout.tables
+        load = self.h[0, ..., None] * self.inertia_and_weight
+        both = np.concatenate([load, self.tensions.force], axis=-2)  # (..., S, 2 G, 2)
+        weights = np.tile(tables.weights, 2)[:, None]
+        return tables.tests @ (weights * both)
 
     # --- derivatives by the coordinates of a segment, in the order of `Layout.columns` -------------------------------
     @property
@@ -220,7 +240,8 @@ class Rope:
         M = of_functions.shape[1]
         h = self.h[0, :, :, None]
         out = np.zeros((self.layout.segments, 2, 2, 2 * M + 2))
-        out[:, :, 0, 0:-2:2] = out[:, :, 1, 1:-2:2] = of_functions / h
+        out[:, :, 0, 0:-2:2] = of_functions / h
+        out[:, :, 1, 1:-2:2] = of_functions / h
         out[..., -2] = self.end_slopes / h
         out[..., -1] = -self.end_slopes / h
         return out
@@ -228,58 +249,72 @@ class Rope:
     @property
     def jet_mass_matrices(self) -> Array:
         """int B (jet of B) dxi (3, S, M, M): at fixed s, B changes with xi."""
-        (_, dl, ddl), (h, dh, ddh) = self.left, self.h  # (S, 1) each
-        rate = np.stack([-dl / h, -dh / h, 0.0 * h])  # of xi by rising powers of it, (3, S, 1)
+        _, dl, ddl = self.left[..., 0]  # (S,) each
+        h, dh, ddh = self.h[..., 0]
+        none = 0.0 * h
+        rate = np.stack([-dl / h, -dh / h, none])  # of xi by rising powers of it, (3, S)
         squared = np.stack([rate[0] ** 2, 2.0 * rate[0] * rate[1], rate[1] ** 2])
-        faster = -np.stack([ddl, ddh, 0.0 * h]) / h - 2.0 * dh / h * rate
-        none = 0.0 * rate
-        one = none + np.array([1.0, 0.0, 0.0])[:, None, None]
-        # factors (3 derivatives of B, 3 powers) of the jet, (3, S, 9)
-        factors = np.array([[one, none, none], [none, rate, none], [none, faster, squared]])
-        return np.tensordot(np.moveaxis(factors[..., 0], 3, 1).reshape(3, -1, 9), self.layout.tables.moments, 1)
+        faster = -np.stack([ddl, ddh, none]) / h - 2.0 * dh / h * rate
+        # factors of the derivatives of B times powers of xi in the jet
+        factors = np.zeros((3, h.size, 3, 3))
+        factors[0, :, 0, 0] = 1.0
+        factors[1, :, 1] = rate.T
+        factors[2, :, 1] = faster.T
+        factors[2, :, 2] = squared.T
+        return np.tensordot(factors.reshape(3, -1, 9), self.layout.tables.moments, 1)
+
+    @cached_property
+    def slope_jet(self) -> Array:
+        """The jet of r', (3, S, G, 2)."""
+        return jet_quotient(jet_composition(self.Y[:, 1:], self.xi), self.h[..., None])
+
+    @cached_property
+    def force_derivatives(self) -> Array:
+        """d(N t)/dr' (S, G, 2, 2)."""
+        tensions = self.tensions
+        unit = self.slope / tensions.stretch[..., None]
+        along = unit[..., :, None] * unit[..., None, :]
+        ratio = (tensions.N / tensions.stretch)[..., None, None]
+        return ratio * np.eye(2) + (tensions.N_stretch - ratio) * along
 
     def row_derivatives_until_next_call(self) -> Array:
         """Derivatives of the rows by coordinates, velocities and accelerations, (3, S, M, 2, 2 M + 2).
 
         The next call overwrites them.
         """
-        line = self.layout.line
-        layout = self.layout
-        tensions = self.tensions
-        rho = line.rope.mass_per_length
-        B = layout.tables.B[0].T  # (M, G)
-        slopes = layout.tables.B[1].T
-        h = self.h[0]
-        weights = layout.tables.weights
-        S = layout.segments
-        M = len(B)
-        G = layout.tables.points.size
-
-        def acceleration_derivatives(jet: Array) -> Array:
-            """d(r..) by a coordinate, its velocity and acceleration, from the jet of dr/d(coordinate)."""
-            return np.stack([jet[2], 2.0 * jet[1], jet[0]])
-
-        inertia = acceleration_derivatives(self.jet_mass_matrices) * (rho * h)[..., None]  # (3, S, M, M)
-        out = layout.blocks
+        out = self.layout.blocks
         out[:] = 0.0
-        out[:, :, :, 0, 0:-2:2] = out[:, :, :, 1, 1:-2:2] = inertia
+        self._add_derivatives_by_functions(out[..., :-2])
+        for side in range(2):
+            out[..., side - 2] = self._derivatives_by_end_position(side)
+        return out
 
-        unit = self.slope / tensions.stretch[..., None]
-        ratio = (tensions.N / tensions.stretch)[..., None, None]
-        along = unit[..., :, None] * unit[..., None, :]
-        stiffness = ratio * np.eye(2) + (tensions.N_stretch - ratio) * along  # d(N t)/dr' (S, G, 2, 2)
-        weighed = (weights / h)[..., None, None] * stiffness
-        for i in range(S):  # both axes by one product of matrices
-            moved = weighed[i, :, :, None] * layout.tables.B[1][:, None, :, None]  # (G, 2, M, 2)
-            out[0, i, ..., :-2] += (slopes @ moved.reshape(G, -1)).reshape(M, 2, 2 * M)
+    def _add_derivatives_by_functions(self, out: Array) -> None:
+        """Add those by the coefficients of the functions, (3, S, M, 2, 2 M)."""
+        tables = self.layout.tables
+        h = self.h[0]  # (S, 1)
+        mass = self.layout.line.rope.mass_per_length * h
+        inertia = acceleration_derivatives(self.jet_mass_matrices) * mass[..., None]  # (3, S, M, M)
+        out[:, :, :, 0, 0::2] = inertia
+        out[:, :, :, 1, 1::2] = inertia
+        slopes = tables.B[1]  # (G, M)
+        weighted = (tables.weights / h)[..., None, None] * self.force_derivatives
+        for of_segment, weight in zip(out[0], weighted, strict=True):  # both axes by one product of matrices
+            forces = weight[:, :, None] * slopes[:, None, :, None]  # (G, 2, M, 2)
+            of_segment += (slopes.T @ forces.reshape(len(forces), -1)).reshape(of_segment.shape)
 
+    def _derivatives_by_end_position(self, side: int) -> Array:
+        """Those by s of L (0) or R (1), (3, S, M, 2)."""
+        tables = self.layout.tables
+        rho = self.layout.line.rope.mass_per_length
+        h = self.h[0]  # (S, 1)
+        dh = 2.0 * side - 1.0  # dh/ds of this end
         one = np.array([1.0, 0.0, 0.0])[:, None, None]
-        slope = jet_quotient(jet_composition(self.Y[:, 1:], self.xi), self.h[..., None])  # the jet of r'
-        for i, (shift, dh) in enumerate(((one - self.xi, -1.0), (self.xi, 1.0))):  # of points with s of L, of R
-            at_s = acceleration_derivatives(-jet_product(slope, shift[..., None]))  # of r at fixed s
-            at_s[0] += shift[0, ..., None] * slope[2]
-            out[..., i - 2] = B @ ((rho * h * weights)[..., None] * at_s)
-            force = -(dh / h)[..., None] * (stiffness @ self.slope[..., None])[..., 0]
-            by_length = (dh / h)[..., None] * self.inertia_and_weight_rows
-            out[0, ..., i - 2] += slopes @ (weights[:, None] * force) + by_length
+        shift = self.xi if side == 1 else one - self.xi  # of a point at this xi
+        by_s = acceleration_derivatives(-jet_product(self.slope_jet, shift[..., None]))  # of r at fixed s
+        by_s[0] += shift[0, ..., None] * self.slope_jet[2]
+        out = tables.B[0].T @ ((rho * h * tables.weights)[..., None] * by_s)
+        force = -(dh / h)[..., None] * (self.force_derivatives @ self.slope[..., None])[..., 0]
+        by_length = (dh / h)[..., None] * self.inertia_and_weight_rows
+        out[0] += tables.B[1].T @ (tables.weights[:, None] * force) + by_length
         return out

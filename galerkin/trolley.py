@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.scene.contacts import Array, Car, MovingLine, Wheel
-from galerkin.bodies import DOWN, CarBody, ContactState, Friction, dot, normal_component
+from galerkin.bodies import DOWN, CarBody, ContactState, Friction, dot, downward_normal_component
 
 Pair = tuple[float, float]
 
@@ -38,8 +38,10 @@ class Follower(NamedTuple):
 
     def arm_and_derivative(self, pitch: Array) -> tuple[Array, Array]:
         """The arm and d(arm)/d(pitch), (..., 2) or (..., 1)."""
+        arm = rotate(self.arm, pitch)
+        derivative = rotate(arm_derivative(self.arm), pitch)
         axes = slice(self.p.size)
-        return rotate(self.arm, pitch)[..., axes], rotate(arm_derivative(self.arm), pitch)[..., axes]
+        return arm[..., axes], derivative[..., axes]
 
     def set_dependent_coordinates(self, Z: Array) -> None:
         """Set p and its rates in Z (3, ..., coordinates)."""
@@ -53,9 +55,10 @@ class Follower(NamedTuple):
         """Add the derivatives by p and its rates to those by c and pitch; K (3, rows, columns)."""
         th, dth, ddth = Z[:, self.pitch, None]
         arm, n = self.arm_and_derivative(th)
-        by_p, by_v, by_a = by = K[..., column[self.p]]  # (3, rows, p.size)
-        at = column[self.pitch]
+        by = K[..., column[self.p]]  # (3, rows, p.size)
         K[..., column[self.c]] += by
+        by_p, by_v, by_a = by
+        at = column[self.pitch]
         K[0, :, at] += by_p @ n - by_v @ (dth * arm) - by_a @ (ddth * arm + dth**2 * n)
         K[1, :, at] += by_v @ n - by_a @ (2.0 * dth * arm)
         K[2, :, at] += by_a @ n
@@ -99,35 +102,39 @@ class Trolley(CarBody):
         rear = np.asarray(self.car.drive.rear_brake_force(s))
         return np.stack([rear, self.car.drive.brake_force(s) - rear], axis=-1)
 
-    def centre_of_mass_and_velocity(self, x: WheelPair) -> tuple[Array, Array]:
+    def turning_body_centre_and_velocity(self, x: WheelPair) -> tuple[Array, Array]:
         return x.rear.c, x.rear.dc
 
     def state_from_contact_values(self, contact_values: Array) -> WheelPair:
-        return WheelPair(ContactState(contact_values[..., 0, :]), ContactState(contact_values[..., 1, :]))
+        rear = ContactState(contact_values[..., 0, :])
+        front = ContactState(contact_values[..., 1, :])
+        return WheelPair(rear, front)
 
     def wheel_states(self, x: WheelPair) -> Sequence[ContactState]:
         return x
 
     def normal_wheel_loads(self, x: WheelPair) -> Array:
-        return np.stack([normal_component(self.force_on_rope(wheel), wheel.tau) for wheel in x], axis=-1)
+        loads = [downward_normal_component(self.force_on_rope(wheel), wheel.tau) for wheel in x]
+        return np.stack(loads, axis=-1)
 
     def tangential_force_on_last_wheel(self, x: WheelPair) -> Array:
         return -dot(self.force_on_rope(x.front), x.front.tau)
 
     def balance_rows(self, x: WheelPair, friction: Friction) -> Array:
         car = x.rear  # with the angle, the centre and F
-        P = [self.force_on_rope(wheel) for wheel in x]
-        n = [rotate(arm_derivative(arm), car.angle) for arm in self.arms_in_car_axes]
+        P_rear, P_front = (self.force_on_rope(wheel) for wheel in x)
+        n_rear, n_front = (rotate(arm_derivative(arm), car.angle) for arm in self.arms_in_car_axes)
         driven = car.F[..., None] * rotate(self.thrust_axes, car.angle)
         inertia_and_weight = self.car.mass * (car.ddc - self.gravity * DOWN)
-        force = P[0] + P[1] + inertia_and_weight - driven - self.drag_force(car.dc)
-        of_wheels = dot(n[0], P[0]) + dot(n[1], P[1])
+        force = P_rear + P_front + inertia_and_weight - driven - self.drag_force(car.dc)
+        of_wheels = dot(n_rear, P_rear) + dot(n_front, P_front)
         moment = of_wheels + self.inertia * car.ddangle[..., 0] - self.lever * car.F
         slip = self.signed_friction_and_hold(self.normal_wheel_loads(x), friction)
-        rolling = [dot(P[i], x[i].tau) + slip[..., i] * x[i].cos_phi for i in (0, 1)]
-        if self.unknown[-1] == "s":
-            rolling.pop()
-        return np.concatenate([force, np.stack([moment, *rolling], axis=-1)], axis=-1)
+        rows = [force, moment[..., None]]
+        rows.append((dot(P_rear, x.rear.tau) + slip[..., 0] * x.rear.cos_phi)[..., None])
+        if self.unknown[-1] != "s":
+            rows.append((dot(P_front, x.front.tau) + slip[..., 1] * x.front.cos_phi)[..., None])
+        return np.concatenate(rows, axis=-1)
 
     def energies(self, x: WheelPair) -> Array:
         car = x.rear
@@ -140,5 +147,7 @@ class Trolley(CarBody):
         if self.car.drive_kind == "grip":
             return {}
         car = x.rear
-        speed = dot(rotate(self.thrust_axes, car.angle), car.dc) + self.lever * car.dangle[..., 0]  # of where F acts
-        return {"drag": dot(self.drag_force(car.dc), car.dc), self.driven: car.F * speed}
+        drag = dot(self.drag_force(car.dc), car.dc)
+        direction = rotate(self.thrust_axes, car.angle)
+        speed = dot(direction, car.dc) + self.lever * car.dangle[..., 0]  # of where F acts
+        return {"drag": drag, self.driven: car.F * speed}

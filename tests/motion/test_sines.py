@@ -62,7 +62,7 @@ def test_tangent_is_the_derivative(bodies):
         for c in (*ALL.contacts[:-1], free, ALL.contacts[-1])
     ]
     system, x = system_and_random_state(dataclasses.replace(ALL, contacts=tuple(cars)))
-    _, tangent = system.equations.linearise(system.coordinates_with_rates(x), system.frictions_at(1.0))
+    _, tangent = system.equations.residual_and_derivatives(system.coordinates_with_rates(x), system.frictions_at(1.0))
     rng = np.random.default_rng(5)
     for which, part, step in ((1, tangent[0], 1e-4), (2, tangent[1], 1e-3), (3, tangent[2], 1e-1)):
         largest = np.abs(part).max(axis=0)
@@ -94,7 +94,7 @@ def frequencies(scene, terms):
     """Of the line with its cars held, rising [1/s]."""
     system = LineSines(scene, terms)
     rest = coordinates_at_rest(system)
-    _, K = system.equations.linearise(rest, [Friction() for _ in scene.contacts])
+    _, K = system.equations.residual_and_derivatives(rest, [Friction() for _ in scene.contacts])
     return np.sort(np.sqrt(eig(K[0], K[2], right=False).real))
 
 
