@@ -43,42 +43,43 @@ def forces_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibrium
     A = (x.a + damping * x.v)[..., :-1]  # w.. + c_d w. without the hat (n, fields, N)
     first = basis.phi(x.inside, -1)
     second = basis.phi(x.inside, -2)
-    ends = basis.phi(np.array([0.0, 1.0]), -2)
+    ends = np.array([0.0, 1.0])
+    second_left, second_right = basis.phi(ends, -2)
     rates = zip(x.hat_slope_rates(2), x.hat_slope_rates(1), strict=True)  # behind, ahead
     ray_behind, ray_ahead = (twice + damping * once for twice, once in rates)
-    moment_behind = sum_of_functions(A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
-    moment_ahead = sum_of_functions(A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
+    moment_behind = sum_of_functions(A, s_o * first - second + second_left) + ray_behind * s_o**3 / 3.0
+    moment_ahead = sum_of_functions(A, second_right - second - rest * first) + ray_ahead * rest**3 / 3.0
     behind = (side_forces[:, 0] + moment_behind) / s_o
     ahead = (side_forces[:, 1] - moment_ahead) / rest
-    at_frames = sum_of_functions(A, first)
+    at_mass = sum_of_functions(A, first)
 
     def along(s: Array) -> Callable[[Array], Array]:
         """N t (k, m, 2) at stations s (m,), as a function of the instants (k,)."""
         functions = basis.phi(s, -1)
 
         def force(k: Array) -> Array:
-            smooth = np.einsum("kfm,sm->ksf", A[k], functions, optimize=True) - at_frames[k, None]
-            before = behind[k, None] - 0.5 * (s_o[k] ** 2 - s**2)[..., None] * ray_behind[k, None]
-            after = ahead[k, None] + 0.5 * (rest[k] ** 2 - (1.0 - s) ** 2)[..., None] * ray_ahead[k, None]
-            return smooth + np.where((s <= s_o[k])[..., None], before, after) + static_force(cable, s)
+            smooth = np.einsum("kfm,sm->ksf", A[k], functions, optimize=True) - at_mass[k, None]
+            triangle_behind = 0.5 * (s_o[k] ** 2 - s**2)[..., None]
+            triangle_ahead = 0.5 * (rest[k] ** 2 - (1.0 - s) ** 2)[..., None]
+            before = behind[k, None] - triangle_behind * ray_behind[k, None]
+            after = ahead[k, None] + triangle_ahead * ray_ahead[k, None]
+            is_behind = (s <= s_o[k])[..., None]
+            return smooth + np.where(is_behind, before, after) + static_force(cable, s)
 
         return force
 
-    smallest, where = min_tension_and_position(cable, x.s_o.size, along, s)
-    left, right = along(np.array([0.0, 1.0]))(np.arange(x.s_o.size)).swapaxes(0, 1)
-    at_mass = static_force(cable, x.inside)
-    return Equilibrium(behind + at_mass, ahead + at_mass, left, right, along(s)(frames), strain, smallest, where)
-
-
-def min_tension_and_position(
-    cable: FullCable, instants: int, force_along: Callable[[Array], Callable[[Array], Array]], s: Array
-) -> tuple[Array, Array]:  # fmt: skip
-    """Smallest tension of every instant and its s, (n,); force_along(s)(k): N t at stations s and instants k."""
+    instants = np.arange(x.s_o.size)
     count = 60  # for the smallest tension
     stations = np.concatenate([[0.0], s[:: 1 + s.size // count], [1.0]])
-    force = force_along(stations)
-    T = evaluate_in_batches(lambda k: signed_tension(force(k), static_force(cable, stations)), np.arange(instants))
-    return T.min(axis=1), stations[T.argmin(axis=1)]
+    force = along(stations)
+    static = static_force(cable, stations)
+    T = evaluate_in_batches(lambda k: signed_tension(force(k), static), instants)
+    left, right = along(ends)(instants).swapaxes(0, 1)
+    static_at_mass = static_force(cable, x.inside)
+    return Equilibrium(
+        behind=behind + static_at_mass, ahead=ahead + static_at_mass, left=left, right=right,
+        along=along(s)(frames), strain=strain, min_tension=T.min(axis=1), min_tension_at=stations[T.argmin(axis=1)],
+    )  # fmt: skip
 
 
 def evaluate_in_batches(function: Callable[[Array], Array], instants: Array) -> Array:
@@ -104,9 +105,10 @@ def side_force_and_energy_integrals(x: Measures) -> tuple[Array, Array]:
         points = cable.tables_at(kink, s_o)
         w_s = Q[i] @ points.phi
         rows = kernels.force_energy_and_tangent(points.T, points.static_slope, w_s, cable.alpha, cable.law)
-        behind = points.phi[-1] > 0.0
         strain[i] = points.weights @ rows[1]
-        side_forces[i] = np.stack([behind, ~behind]) @ (rows[2:4] * points.weights).T
+        force = rows[2:4] * points.weights
+        behind = points.phi[-1] > 0.0
+        side_forces[i] = np.stack([behind, ~behind]) @ force.T
     return side_forces, strain
 
 
@@ -121,12 +123,13 @@ def signed_tension(force: Array, slope: Array) -> Array:
     return np.copysign(np.hypot(force[..., 0], force[..., 1]), np.sum(force * slope, axis=-1))
 
 
-def slopes_from_forces(force: Array, slopes: Array, T: Any, alpha: float) -> Array:
-    """r' (..., 2) from forces N t; where the cable is slack, `slopes`, which converge slowly at the mass."""
+def slopes_from_forces(force: Array, slopes_if_slack: Array, T: Any, alpha: float) -> Array:
+    """r' (..., 2) from forces N t; where the cable is slack, those given, which converge slowly at the mass."""
     N = np.hypot(force[..., 0], force[..., 1])
-    taut = (N > kernels.MIN_TENSION) & (np.sum(force * slopes, axis=-1) > 0.0)
-    stretch = (1.0 + (N - T) / alpha) / np.where(taut, N, 1.0)
-    return np.where(taut[..., None], stretch[..., None] * force, slopes)
+    along = np.sum(force * slopes_if_slack, axis=-1)
+    taut = (N > kernels.MIN_TENSION) & (along > 0.0)
+    stretch_over_tension = (1.0 + (N - T) / alpha) / np.where(taut, N, 1.0)
+    return np.where(taut[..., None], stretch_over_tension[..., None] * force, slopes_if_slack)
 
 
 def sum_of_functions(coefficients: Array, functions: Array) -> Array:

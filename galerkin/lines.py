@@ -81,13 +81,14 @@ class LineSines(System):
 
     def _cars_off_rope(self) -> dict[str, CarOffRope]:
         """Cars off the rope by name."""
-        names = [contact.name for contact in self.line.contacts_and_wheels]
-        rows = {int(coordinate): row for row, coordinate in enumerate(self.equations.free)}
-        return {
-            car.name: CarOffRope(self.line, car, self.layout, names.index(car.rail.saddle), rows)
-            for car in self.line.cars_off_rope
-            if car.rail is not None
-        }
+        contacts = {contact.name: k for k, contact in enumerate(self.line.contacts_and_wheels)}
+        rows = {coordinate: row for row, coordinate in enumerate(self.equations.free.tolist())}
+        cars = {}
+        for car in self.line.cars_off_rope:
+            if car.rail is not None:
+                saddle = contacts[car.rail.saddle]
+                cars[car.name] = CarOffRope(self.line, car, self.layout, saddle, rows)
+        return cars
 
     # --- coordinates -------------------------------------------------------------------------------------------------
     def prescribed_coordinates(self, t: float, phase: int) -> Array:
@@ -131,8 +132,10 @@ class LineSines(System):
         """Friction at all contacts at the time or times t."""
         present = list(self.frictions)
         for k, body in self.free_cars.items():
-            fractions = [body.car.drive.remaining_hold_fraction(at) for at in np.ravel(t).tolist()]
-            present[k] = present[k]._replace(hold=self.holds[k] * np.reshape(fractions, np.shape(t)))
+            drive = body.car.drive
+            fractions = [drive.remaining_hold_fraction(at) for at in np.ravel(t).tolist()]
+            hold = self.holds[k] * np.reshape(fractions, np.shape(t))
+            present[k] = present[k]._replace(hold=hold)
         return present
 
     # --- the system --------------------------------------------------------------------------------------------------
@@ -156,18 +159,19 @@ class LineSines(System):
 
     def _prescribed_at_times(self, t: Array, phase: int) -> Array:
         """Prescribed coordinates (3, n, layout.size), kept for the same array t: residuals of a step have the same."""
-        instants = self._instants
-        if instants is None or instants[0] is not t or instants[1] != phase:
-            prescribed = np.stack([self.prescribed_coordinates(at, phase) for at in t.tolist()], axis=1)
-            instants = self._instants = t, phase, prescribed
-        return instants[2].copy()
+        last = self._instants
+        if last is None or last[0] is not t or last[1] != phase:
+            prescribed = [self.prescribed_coordinates(at, phase) for at in t.tolist()]
+            last = self._instants = t, phase, np.stack(prescribed, axis=1)
+        return last[2].copy()
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         state = np.array([q, v, a])
         last = self._linearised
         if last is None or (last.t, last.phase) != (t, phase) or not np.array_equal(last.state, state):
             r, K = self._residual_and_derivatives(State(t, q, v, a, phase))
-            last = self._linearised = Linearised(state, t, phase, r, K)
+            last = Linearised(state, t, phase, r, K)
+            self._linearised = last
         c0, c1, c2 = c
         by_q, by_v, by_a = last.K
         return last.r, lu_solver_overwriting(c0 * by_q + c1 * by_v + c2 * by_a)
@@ -199,22 +203,23 @@ class LineSines(System):
             self._release_car(k, rest, contact_values)
         free = self.equations.free
         forces = self.equations.forces
+        q = np.where(forces, 0.0, rest[0, free])
         v = np.zeros(self.n_dof)
         if self.prescribed_coordinates(0.0, 0)[1].any():
-            before, after = (coordinates_at_rest(self, dt, rest)[0, free] for dt in (-NUDGE, NUDGE))
+            before = coordinates_at_rest(self, -NUDGE, rest)[0, free]
+            after = coordinates_at_rest(self, NUDGE, rest)[0, free]
             v = np.where(forces, 0.0, (after - before) / (2.0 * NUDGE))
-        x = State(0.0, np.where(forces, 0.0, rest[0, free]), v, rest[2, free], 0)
+        x = State(0.0, q, v, rest[2, free], 0)
         self.begin_step(x)
         return self.with_acceleration(x)
 
     def _require_taut_rope_on_saddles(self, N: Array, contact_values: Array) -> None:
         """StepFailure where the rope at rest is slack or lifts off a saddle."""
-        slack, *pressures = self._tension_and_pressures(N, contact_values)
-        lowest = min(pressures, default=0.0)
-        if min(slack, lowest) < 0.0:
-            cause = (
-                f"at rest the smallest tension is {slack:.6g} N and the smallest pressure on a saddle {lowest:.6g} N"
-            )
+        tension, *pressures = self._min_tension_and_saddle_pressures(N, contact_values)
+        pressure = min(pressures, default=0.0)
+        if min(tension, pressure) < 0.0:
+            at_rest = f"at rest the smallest tension is {tension:.6g} N"
+            cause = f"{at_rest} and the smallest pressure on a saddle {pressure:.6g} N"
             raise StepFailure(0.0, cause, "tighten the rope")
 
     def with_acceleration(self, x: State) -> State:
@@ -238,7 +243,7 @@ class LineSines(System):
         layout = self.layout
         for k, body in self.cars.items():
             if body.car.name == name:
-                return Z[:, [layout.x[k], layout.y[k]]]
+                return Z[:, layout.moving[k, :2]]
         at = self.off_rope[name].contact_state(np.array([x.t]), Z[:, None], x.phase)
         return np.stack([at.p[0], at.dp[0], at.ddp[0]])
 
@@ -270,12 +275,14 @@ class LineSines(System):
         body = self.cars[k].copy_held_without_drag()
         state = self.held_equations.contact_state(contact_values, k)
         cos_phi = float(body.wheel_states(state)[-1].cos_phi)
+        drive = body.car.drive
+        thrust = self.line.thrust(body.car, 0.0, 0) * math.cos(drive.thrust_angle)
         self.holds[k] = float(body.tangential_force_on_last_wheel(state)) / cos_phi
-        thrust = self.line.thrust(body.car, 0.0, 0) * math.cos(body.car.drive.thrust_angle)
         needed = self.holds[k] - thrust / cos_phi
-        self._set_friction(k, float(Z[0, self.layout.s[self.travel_contact[k]]]), -float(np.sign(needed)))
+        s = float(Z[0, self.layout.s[self.travel_contact[k]]])
+        self._set_friction(k, s, -float(np.sign(needed)))
         available = float(body.max_friction_and_brake_force(state, self.frictions[k]))
-        if body.car.drive.has_friction_or_brakes and abs(needed) <= available:
+        if drive.has_friction_or_brakes and abs(needed) <= available:
             raise StepFailure(0.0, f"friction or brakes hold {body.car.name} where it begins", "begin on steeper rope")
 
     def _sticks(self, k: int) -> bool:
@@ -289,13 +296,15 @@ class LineSines(System):
 
     def _row_of_travel(self, k: int) -> int:
         """Row of s of a free car."""
-        return int(np.flatnonzero(self.equations.free == self.layout.s[self.travel_contact[k]])[0])
+        coordinate = self.layout.s[self.travel_contact[k]]
+        return int(np.flatnonzero(self.equations.free == coordinate)[0])
 
     def _needed_friction(self, k: int, t: float, contact_values: Array) -> float:
         """Force [N] along the rope that friction and brakes give a car which sticks, at its last wheel."""
         body = self.cars[k]
         state = self.equations.contact_state(contact_values, k)
-        needed = body.tangential_force_on_last_wheel(state) / body.wheel_states(state)[-1].cos_phi
+        last_wheel = body.wheel_states(state)[-1]
+        needed = body.tangential_force_on_last_wheel(state) / last_wheel.cos_phi
         return float(needed - self.frictions_at(t)[k].hold)
 
     def _friction_margin(self, k: int, t: float, contact_values: Array) -> float:
@@ -308,23 +317,22 @@ class LineSines(System):
 
     def _stick_or_slip_from_rest(self, k: int, x: State) -> State:
         """The state after a standstill: friction holds the car, or it slips."""
-        held = self._state_with_slip(k, x, 0.0)
-        if self._friction_margin(k, held.t, self._contact_values_of(held)) > 0.0:
-            return held
-        return self._start_slipping(k, held)
+        held = self._set_slip_return_state(k, x, 0.0)
+        margin = self._friction_margin(k, held.t, self._contact_values_of(held))
+        return held if margin > 0.0 else self._start_slipping(k, held)
 
     def _start_slipping(self, k: int, x: State) -> State:
         """The state in which a car that sticks gives way to what pulls it."""
         pulled = -self._needed_friction(k, x.t, self._contact_values_of(x))
-        return self._state_with_slip(k, x, math.copysign(1.0, pulled))
+        return self._set_slip_return_state(k, x, math.copysign(1.0, pulled))
 
-    def _state_with_slip(self, k: int, x: State, sign: float) -> State:
-        """The state with the car at rest, about to slip by the sign, or to stay for a sign 0."""
+    def _set_slip_return_state(self, k: int, x: State, slip_sign: float) -> State:
+        """Set friction against a slip of this sign, for 0 the car sticks; return the state with the car at rest."""
         row = self._row_of_travel(k)
-        self._set_friction(k, float(x.q[row]), sign)
+        self._set_friction(k, float(x.q[row]), slip_sign)
         v = x.v.copy()
         a = x.a.copy()
-        v[row] = sign * 1e-12  # [m/s] not 0, else its next standstill is no event
+        v[row] = slip_sign * 1e-12  # [m/s] not 0, else its next standstill is no event
         a[row] = 0.0
         return self.with_acceleration(x._replace(v=v, a=a))
 
@@ -357,11 +365,12 @@ class LineSines(System):
             wheels = sum(body.contacts for body in self.cars.values())
             return [math.inf] * (wheels + 1 + len(watched.saddles) + len(watched.stops))
         if self._force_events[0] is not x:
-            N, contact_values = self._balance_at(x, Z)
+            N, contact_values = self._tensions_and_contact_values(x, Z)
             loads = [self._watched_wheel_loads(k, contact_values) for k in self.cars]
             margins = [self._friction_margin(k, x.t, contact_values) for k in watched.stops]
-            of_rope = self._tension_and_pressures(N, contact_values)
-            self._force_events = x, np.concatenate([*loads, of_rope, margins]).tolist()
+            of_rope = self._min_tension_and_saddle_pressures(N, contact_values)
+            values = np.concatenate([*loads, of_rope, margins])
+            self._force_events = x, values.tolist()
         return self._force_events[1]
 
     def _watched_wheel_loads(self, k: int, contact_values: Array) -> Array:
@@ -369,9 +378,10 @@ class LineSines(System):
         body = self.cars[k]
         if body.car.rail is not None:
             return np.array([math.inf])
-        return body.normal_wheel_loads(self.equations.contact_state(contact_values, k))
+        state = self.equations.contact_state(contact_values, k)
+        return body.normal_wheel_loads(state)
 
-    def _balance_at(self, x: State, Z: Array) -> tuple[Array, Array]:
+    def _tensions_and_contact_values(self, x: State, Z: Array) -> tuple[Array, Array]:
         """Tensions (S, G) and contact values of x; at the end of a step those of its residual."""
         last = self._last_balance
         if last is None or last.t != x.t or not np.array_equal(last.a, x.a):
@@ -379,10 +389,11 @@ class LineSines(System):
             return rope.tensions.N, self.equations.contact_values(rope, Z)
         return last.N, last.contact_values
 
-    def _tension_and_pressures(self, N: Array, contact_values: Array) -> list[float]:
+    def _min_tension_and_saddle_pressures(self, N: Array, contact_values: Array) -> list[float]:
         """The smallest of the tensions (S, G), and the force of the rope down on each saddle [N]."""
         down = contact_values[:, 3] - contact_values[:, 1]
-        return [float(N[self.layout.outer].min()), *(float(down[k]) for k in self.watched.saddles)]
+        pressures = down[self.watched.saddles].tolist()
+        return [float(N[self.layout.outer].min()), *pressures]
 
     def apply_event(self, name: str, x: State) -> State | None:
         """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
@@ -400,7 +411,8 @@ class LineSines(System):
 
     def _run_goes_on(self, x: State) -> bool:
         """Whether a free car rolls, or one has a timetable or forces that go on to change."""
-        rolling = any(k not in self.watched.stops or not self._sticks(k) for k in self.free_cars)
+        sticking = [k for k in self.watched.stops if self._sticks(k)]
+        rolling = len(sticking) < len(self.free_cars)
         return rolling or self.line.travel_or_force_changes_after(x.t, x.phase)
 
     def system_after(self, name: str, x: State) -> tuple[LineSines, State] | None:

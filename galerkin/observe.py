@@ -30,21 +30,22 @@ class Measures:
 
     def __init__(self, system: GalerkinSystem, states: States) -> None:
         self.system = system
-        hat = ((0, 0), (0, 0), (0, 1 - system.kink))
         self.s_o, self.ds_o, self.dds_o = system.mass_kinematics(states)
         self.inside = np.clip(self.s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT)
-        self.q, self.v, self.a = (
-            np.pad(y[:, : system.n_modal].reshape(-1, system.fields, system.n), hat)
-            for y in (states.q, states.v, states.a)
-        )
-        self.path_form = tuple(y[:, system.n_modal :] for y in (states.q, states.v, states.a))
+        unknowns = np.stack([states.q, states.v, states.a])
+        coefficients = unknowns[..., : system.n_modal].reshape(3, -1, system.fields, system.n)
+        missing_hat = 0 if system.kink else 1
+        self.q, self.v, self.a = np.pad(coefficients, [(0, 0), (0, 0), (0, 0), (0, missing_hat)])
+        self.path_form = unknowns[..., system.n_modal :]  # (3, n, fields), or (3, n, 0) without it
 
     def hat_slope_rates(self, order: int) -> tuple[Array, Array]:
         """Time derivatives of this order of q_hat/h behind and ahead; h is the length of the side."""
         h = self.inside[:, None]
         dh = self.ds_o[:, None]
         ddh = self.dds_o[:, None]
-        return self._hat_slope_rate(order, h, dh, ddh), self._hat_slope_rate(order, 1.0 - h, -dh, -ddh)
+        behind = self._hat_slope_rate(order, h, dh, ddh)
+        ahead = self._hat_slope_rate(order, 1.0 - h, -dh, -ddh)
+        return behind, ahead
 
     def _hat_slope_rate(self, order: int, h: Array, dh: Array, ddh: Array) -> Array:
         """The same of a side of length h (n, 1), which changes by dh and ddh; (n, fields)."""
@@ -60,19 +61,20 @@ class Measures:
     def hat_slopes(self) -> Array:
         """The hat's part of w' behind and ahead; on the left support the limit t -> 0+."""
         behind, ahead = self.hat_slope_rates(0)
-        entry = self.s_o == 0.0
+        at_entry = self.s_o[:, None] == 0.0
         ds_o = self.ds_o[:, None]
         dds_o = self.dds_o[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            slow = np.where(dds_o != 0.0, self.a[..., -1] / dds_o, 0.0)
-            start = np.where(ds_o != 0.0, self.v[..., -1] / ds_o, slow)
-        return np.array([np.where(entry[:, None], start, behind), -ahead])
+            from_rest = np.where(dds_o != 0.0, self.a[..., -1] / dds_o, 0.0)
+            start = np.where(ds_o != 0.0, self.v[..., -1] / ds_o, from_rest)
+        return np.array([np.where(at_entry, start, behind), -ahead])
 
     def displacement_at_mass(self) -> Array:
         """w at the mass, (n, fields)."""
         if self.system.path_form:
             return self.path_form[0]
-        return sum_of_functions(self.q[..., :-1], self.system.basis.basis.phi(self.s_o)) + self.q[..., -1]
+        phi = self.system.basis.basis.phi(self.s_o)
+        return sum_of_functions(self.q[..., :-1], phi) + self.q[..., -1]
 
     def motion_and_slopes_at_mass(self) -> tuple[Array, Array, Array, Array]:
         """w, w., w.. along the path (n, fields), and w' behind and ahead (2, n, fields)."""
@@ -85,14 +87,17 @@ class Measures:
         A = self.a[..., :-1]
         w = self.displacement_at_mass()
         w_s = sum_of_functions(Q, first)
+        slopes = np.array([w_s, w_s]) + self.hat_slopes()
         if self.system.path_form:
             _, w_t, w_tt = self.path_form
-        else:
-            bend = sum_of_functions(Q, basis.phi(self.s_o, 2)) if basis.has_second_derivative else np.zeros_like(w)
-            w_t = sum_of_functions(V, phi) + self.v[..., -1] + ds_o * w_s
-            w_tt = sum_of_functions(A, phi) + self.a[..., -1] + 2.0 * ds_o * sum_of_functions(V, first)
-            w_tt += self.dds_o[:, None] * w_s + ds_o**2 * bend
-        return w, w_t, w_tt, np.array([w_s, w_s]) + self.hat_slopes()
+            return w, w_t, w_tt, slopes
+        w_ss = np.zeros_like(w)
+        if basis.has_second_derivative:
+            w_ss = sum_of_functions(Q, basis.phi(self.s_o, 2))
+        w_t = sum_of_functions(V, phi) + self.v[..., -1] + ds_o * w_s
+        w_tt = sum_of_functions(A, phi) + self.a[..., -1] + 2.0 * ds_o * sum_of_functions(V, first)
+        w_tt += self.dds_o[:, None] * w_s + ds_o**2 * w_ss
+        return w, w_t, w_tt, slopes
 
     def displacement_velocity_slope_fields(self, s: Array, frames: Array) -> Array:
         """w, w. and w' of k frames at m stations, (3, k, fields, m); at s = s_o the side behind."""
@@ -100,28 +105,32 @@ class Measures:
         is_behind = (s <= self.s_o[frames, None])[:, None]  # (k, 1, m)
         values = basis.phi(s)
         from_support = np.where(is_behind, s, 1.0 - s)
+        outward = np.where(is_behind, 1.0, -1.0)
 
         def with_hat(y: Array, functions: Array, order: int, hat: Array) -> Array:
-            behind, ahead = (ray[frames, :, None] for ray in self.hat_slope_rates(order))
+            behind, ahead = (rate[frames, :, None] for rate in self.hat_slope_rates(order))
             smooth = np.einsum("kfm,sm->kfs", y[frames, :, :-1], functions)
             return smooth + hat * np.where(is_behind, behind, ahead)
 
         w = with_hat(self.q, values, 0, from_support)
         w_t = with_hat(self.v, values, 1, from_support)
-        w_s = with_hat(self.q, basis.phi(s, 1), 0, np.where(is_behind, 1.0, -1.0))
+        w_s = with_hat(self.q, basis.phi(s, 1), 0, outward)
         return np.array([w, w_t, w_s])
 
     def cable_kinetic_energy(self) -> Array:
         """1/2 int |w.|^2 ds, (n,), by `KinkedBasis`."""
+        basis = self.system.basis
         V = self.v[..., :-1]
-        q = self.q[..., -1]
-        v = self.v[..., -1]
-        twice = np.einsum("nfi,ij,nfj->n", V, self.system.basis.basis.mass_matrix(), V, optimize=True)
+        twice = np.einsum("nfi,ij,nfj->n", V, basis.basis.mass_matrix(), V, optimize=True)
         if self.system.kink:
-            value, first, _ = self.system.basis.hat_overlaps_and_derivatives(np.minimum(self.s_o, 1.0 - NEAR_SUPPORT))
-            steep = self.ds_o**2 / (3.0 * self.inside * (1.0 - self.inside))
-            cross = 2.0 * v * sum_of_functions(V, value) + 2.0 * self.ds_o[:, None] * q * sum_of_functions(V, first)
-            twice = twice + np.sum(cross + v**2 / 3.0 + steep[:, None] * q**2, axis=1)
+            q = self.q[..., -1]
+            v = self.v[..., -1]
+            ds_o = self.ds_o[:, None]
+            inside = self.inside[:, None]
+            overlap, derivative, _ = basis.hat_overlaps_and_derivatives(np.minimum(self.s_o, 1.0 - NEAR_SUPPORT))
+            cross = 2.0 * v * sum_of_functions(V, overlap) + 2.0 * ds_o * q * sum_of_functions(V, derivative)
+            steep = ds_o**2 / (3.0 * inside * (1.0 - inside))
+            twice = twice + np.sum(cross + v**2 / 3.0 + steep * q**2, axis=1)
         return 0.5 * twice
 
     def vertical_displacement_integral(self) -> Array:
@@ -139,15 +148,13 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     w, w_t, w_tt, slopes = x.motion_and_slopes_at_mass()
     fields = x.displacement_velocity_slope_fields(s, frames)
     slope, bend = cable.static_slope_and_curvature(x.s_o)
-    none = np.zeros(x.s_o.size)
     sides = slope + slopes
-    sunk = none
     if isinstance(cable, FullCable):
         forces, sides, material_force = _full_cable_forces(cable, x, sides, fields[2], s, frames)
         sunk = x.vertical_displacement_integral()
     else:
         forces = _chord_tensions_and_strain_energy(cable, x, s, frames)
-        material_force = none
+        material_force = sunk = np.zeros(x.s_o.size)
     _, xp, yp, xpp, ypp = groups.tension_and_shape_derivatives(x.s_o)
     static = np.stack([xp, yp], axis=1)
     curvature = np.stack([xpp, ypp], axis=1)
@@ -156,7 +163,8 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     velocity = w_t + ds_o * slope  # of the mass, by fields
     acceleration = w_tt + dds_o * slope + ds_o**2 * bend
     contact = system.mu * cable.weight - system.inertia * acceleration
-    power = x.ds_o * (material_force - np.sum(contact * sides.mean(axis=0), axis=1))
+    along_mean_slope = np.sum(contact * sides.mean(axis=0), axis=1)
+    power = x.ds_o * (material_force - along_mean_slope)
     of_cable = x.cable_kinetic_energy()
     kinetic = of_cable + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     viscous = 2.0 * system.damping * of_cable
@@ -188,16 +196,18 @@ def _full_cable_forces(
     cable: FullCable, x: Measures, slopes: Array, w_s: Array, s: Array, frames: Array
 ) -> FullCableForces:  # fmt: skip
     """From r' by the basis: `slopes` beside the mass (2, n, 2), w_s = w' at stations s in these frames (k, 2, m)."""
-    T_o = cable.groups.tension_and_slope(x.s_o)[0]
-    static_o = cable.static_slope_and_curvature(x.s_o)[0]
-    static = cable.static_slope_and_curvature(s)[0]
+    T_o, _ = cable.groups.tension_and_slope(x.s_o)
+    static_o, _ = cable.static_slope_and_curvature(x.s_o)
+    static, _ = cable.static_slope_and_curvature(s)
     balanced = forces_from_equilibrium(x, s, frames)
     none_behind = np.where(x.s_o > 0.0, 0.0, np.nan)
     none_ahead = np.where(x.s_o < 1.0, 0.0, np.nan)
     behind = signed_tension(balanced.behind, slopes[0]) + none_behind
     ahead = signed_tension(balanced.ahead, slopes[1]) + none_ahead
-    both = np.array([balanced.behind, balanced.ahead])
-    sides = slopes_from_forces(both, slopes, T_o, cable.alpha) if x.system.by_force else slopes
+    sides = slopes
+    if x.system.by_force:
+        both = np.array([balanced.behind, balanced.ahead])
+        sides = slopes_from_forces(both, slopes, T_o, cable.alpha)
     left, right = (cable.force_energy_and_tangent_rows(x.s_o, (side - static_o).T) for side in sides)
     mean_force = T_o * static_o.T + 0.5 * (left[2:4] + right[2:4])  # <N t>
     kink = (sides[1] - sides[0]).T  # [r']
@@ -205,28 +215,31 @@ def _full_cable_forces(
     smallest = np.fmin(balanced.min_tension, np.fmin(behind, ahead))
     if x.system.law == "tension-only":
         smallest = np.maximum(smallest, 0.0)
+    smallest_at = np.where(smallest < balanced.min_tension, x.s_o, balanced.min_tension_at)
+    along = signed_tension(balanced.along, static + w_s.transpose(0, 2, 1))
     pointwise = np.array([cable.force_energy_and_tangent_rows(s, slope)[0] for slope in w_s])
     fields = {
-        "T_behind": behind, "T_ahead": ahead, "T_behind_pointwise": left[0] + none_behind,
-        "T_ahead_pointwise": right[0] + none_ahead,
-        "T": signed_tension(balanced.along, static + w_s.transpose(0, 2, 1)),
-        "T_pointwise": pointwise.reshape(len(frames), s.size),
-        "reaction_left": -balanced.left, "reaction_right": balanced.right, "strain": balanced.strain,
-        "tension_min": smallest,
-        "tension_min_at": np.where(smallest < balanced.min_tension, x.s_o, balanced.min_tension_at),
+        "T_behind": behind, "T_behind_pointwise": left[0] + none_behind, "reaction_left": -balanced.left,
+        "T_ahead": ahead, "T_ahead_pointwise": right[0] + none_ahead, "reaction_right": balanced.right,
+        "T": along, "T_pointwise": pointwise.reshape(len(frames), s.size), "strain": balanced.strain,
+        "tension_min": smallest, "tension_min_at": smallest_at,
     }  # fmt: skip
     return FullCableForces(fields, sides, material_force)
 
 
 def _chord_tensions_and_strain_energy(cable: ChordCable, x: Measures, s: Array, frames: Array) -> dict[str, Array]:
     """Fields of `Observation`."""
-    basis = x.system.basis
-    rows = zip(x.inside.tolist(), x.q[..., : x.system.n], strict=True)
-    values = [cable.strain_energy_and_tension_rise(cable.tables_at(basis, s_o), Q) for s_o, Q in rows]
+    values = []
+    for s_o, Q in zip(x.inside.tolist(), x.q[..., : x.system.n], strict=True):
+        tables = cable.tables_at(x.system.basis, s_o)
+        values.append(cable.strain_energy_and_tension_rise(tables, Q))
     strain, h = np.array(values).T
-    T = cable.groups.tension_and_slope(x.s_o)[0] + h
-    return {
-        "T_behind": np.where(x.s_o > 0.0, T, np.nan), "T_ahead": np.where(x.s_o < 1.0, T, np.nan),
-        "T": cable.groups.tension_and_slope(s)[0] + h[frames, None], "strain": strain,
-        "tension_min": cable.static_min_tension + h, "tension_min_at": np.full(h.shape, cable.min_tension_at),
-    }  # fmt: skip
+    static_tension, _ = cable.groups.tension_and_slope(s)
+    static_tension_at_mass, _ = cable.groups.tension_and_slope(x.s_o)
+    at_mass = static_tension_at_mass + h
+    forces = {"T": static_tension + h[frames, None], "strain": strain}
+    forces["T_behind"] = np.where(x.s_o > 0.0, at_mass, np.nan)
+    forces["T_ahead"] = np.where(x.s_o < 1.0, at_mass, np.nan)
+    forces["tension_min"] = cable.static_min_tension + h
+    forces["tension_min_at"] = np.full(h.shape, cable.min_tension_at)
+    return forces

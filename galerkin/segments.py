@@ -115,7 +115,8 @@ class Layout:
         wheels = {k: contact for k, contact in contacts.items() if isinstance(contact, Wheel)}
         self.wheels = {k: self._wheel_on_car(k, wheel) for k, wheel in wheels.items()}
         cars = {k: contact for k, contact in contacts.items() if isinstance(contact, Car)}
-        self.dependent = [*self._driven_centres(wheels), *self.wheels.values(), *self._depths_on_rails(cars)]
+        self.dependent: list[Follower | OnRail] = [*self._driven_centres(wheels), *self.wheels.values()]
+        self.dependent += self._depths_on_rails(cars)
         between_wheels = [k for k, wheel in wheels.items() if not wheel.front]
         segments = range(self.segments)
         self.outer = [i for i in segments if i not in between_wheels]
