@@ -196,7 +196,7 @@ def _full_cable_forces(
     cable: FullCable, x: Measures, slopes: Array, w_s: Array, s: Array, frames: Array
 ) -> FullCableForces:  # fmt: skip
     """From r' by the basis: `slopes` beside the mass (2, n, 2), w_s = w' at stations s in these frames (k, 2, m)."""
-    T_o, _ = cable.groups.tension_and_slope(x.s_o)
+    T_o = cable.groups.tension_and_slope(x.s_o).T
     static_o, _ = cable.static_slope_and_curvature(x.s_o)
     static, _ = cable.static_slope_and_curvature(s)
     balanced = forces_from_equilibrium(x, s, frames)
@@ -234,8 +234,8 @@ def _chord_tensions_and_strain_energy(cable: ChordCable, x: Measures, s: Array, 
         tables = cable.tables_at(x.system.basis, s_o)
         values.append(cable.strain_energy_and_tension_rise(tables, Q))
     strain, h = np.array(values).T
-    static_tension, _ = cable.groups.tension_and_slope(s)
-    static_tension_at_mass, _ = cable.groups.tension_and_slope(x.s_o)
+    static_tension = cable.groups.tension_and_slope(s).T
+    static_tension_at_mass = cable.groups.tension_and_slope(x.s_o).T
     at_mass = static_tension_at_mass + h
     forces = {"T": static_tension + h[frames, None], "strain": strain}
     forces["T_behind"] = np.where(x.s_o > 0.0, at_mass, np.nan)
