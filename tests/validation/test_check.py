@@ -1,6 +1,7 @@
 """The check agrees for right solvers and disagrees when a fault is planted in one of them, by substitution."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -9,7 +10,15 @@ from scipy.interpolate import CubicSpline
 from cablefem import Scene
 from validation.commands.check import study
 from validation.commands.check.study import check
-from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, BoundPart, Verdict, worst_deciding_verdict
+from validation.core.agreement import (
+    FACTOR_DISAGREE,
+    Agreement,
+    Bound,
+    BoundPart,
+    Verdict,
+    sufficient_tolerance_sentence,
+    worst_deciding_verdict,
+)
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
 from validation.core.refine import run_with_error_bars
@@ -74,6 +83,23 @@ def test_the_whole_is_the_first_of_disagree_too_coarse_and_agree_of_asked_rows()
     assert worst_deciding_verdict([agrees, coarse, apart]) is Verdict.DISAGREE
     assert worst_deciding_verdict([agrees, dataclasses.replace(apart, decides=False)]) is Verdict.AGREE
     assert worst_deciding_verdict([]) is Verdict.NOT_COMPARABLE
+
+
+def with_larger_tolerance(row, factor):
+    return dataclasses.replace(row, required=factor * row.required)
+
+
+def test_rows_that_are_too_coarse_say_which_tolerance_would_do():
+    rows = [
+        agreement_row(0.2, (3.0, 0.2), 1.0),
+        agreement_row(0.1, (4.0, 4.0), 5.0),
+        agreement_row(0.0, (0.1, 0.1), 1.0),
+    ]
+    excess = float(re.search(r"up to (\S+) times", sufficient_tolerance_sentence(rows))[1])
+    for factor, verdict in ((1.1, Verdict.AGREE), (0.9, Verdict.TOO_COARSE)):
+        assert worst_deciding_verdict([with_larger_tolerance(row, factor * excess) for row in rows]) is verdict
+    assert sufficient_tolerance_sentence(rows[2:]) is None
+    assert sufficient_tolerance_sentence([agreement_row(0.2, (INF, 0.1), 1.0)]) is None
 
 
 def test_a_row_says_its_bars_and_what_was_asked():

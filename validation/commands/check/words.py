@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from validation.commands.check.page import agreement_sentence, third_party_verdict_and_sentence
 from validation.commands.check.study import Check
-from validation.core.agreement import Verdict
+from validation.core.agreement import Verdict, sufficient_tolerance_sentence
 from validation.page import printing, terminal
 
 
@@ -36,3 +36,5 @@ def _print_agreement(result: Check) -> None:
     for name in dict.fromkeys(row["with"] for row in rows if row.get("with")):
         worst, sentence = third_party_verdict_and_sentence(rows, name)
         terminal.print_text(f"  {name}: {sentence}", style=terminal.STYLES[worst])
+    if result.own_verdict is Verdict.TOO_COARSE and (advice := sufficient_tolerance_sentence(result.rows)):
+        terminal.print_text(f"  {advice}")

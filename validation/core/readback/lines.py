@@ -10,7 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from validation.core.readback.limits import LIMIT_VERDICT, expected_scope_sentences, limit_row_faults
-from validation.core.readback.stored import Faults, Row, read_json, read_package_toml, worst_asked_verdict
+from validation.core.readback.stored import (
+    Faults,
+    Row,
+    expected_tolerance_sentences,
+    read_json,
+    read_package_toml,
+    worst_asked_verdict,
+)
 from validation.core.readback.texts import plain_text, rows_of_each_table
 from validation.core.scene_data import Array, read_csv_columns
 
@@ -62,6 +69,7 @@ def _sentences_beside_tables(summary: Row, judged: Sequence[Row]) -> Iterator[st
     if judged:
         yield read_package_toml("page", "assets/verdicts.toml")[worst_asked_verdict(judged) or "not comparable"]
         yield "; ".join(_agreement_count_sentences(judged))
+        yield from expected_tolerance_sentences(judged)
 
 
 def _line_scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:

@@ -66,6 +66,14 @@ def worst_asked_verdict(rows: Iterable[Row]) -> str | None:
     return next((verdict for verdict in ORDER if verdict in verdicts), None)
 
 
+def expected_tolerance_sentences(rows: Iterable[Row]) -> Iterator[str]:
+    """How much larger a tolerance would make the too coarse ones of stored comparisons agree."""
+    coarse = [row for row in rows if row["asked"] and row["verdict"] == "too coarse" and row["asked_for"]]
+    if coarse and all(row["allowed"] is not None for row in coarse):
+        excess = max(max(row["gap"], row["allowed"]) / row["asked_for"] for row in coarse)
+        yield f"gaps and bars are up to {excess:.2g} times what was asked: a --tol larger by as much would do"
+
+
 def read_json(file: Path) -> Any:
     return json.loads(file.read_text(encoding="utf-8"))
 

@@ -9,7 +9,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from validation.core.readback.limits import LIMIT_VERDICT, expected_scope_sentences, limit_row_faults
-from validation.core.readback.stored import Faults, StoredResults, read_package_toml, worst_asked_verdict
+from validation.core.readback.stored import (
+    Faults,
+    StoredResults,
+    expected_tolerance_sentences,
+    read_package_toml,
+    worst_asked_verdict,
+)
 from validation.core.readback.tables import (
     design_number_faults,
     event_row_faults,
@@ -43,6 +49,7 @@ def _stored_sentences(stored: StoredResults) -> set[str]:
         sentences.add(f"{doubt['method']}: {doubt['words']}")
     if stored.agreement:
         sentences.add(read_package_toml("page", "assets/verdicts.toml")[stored.verdict_on_both_solvers])
+        sentences |= set(expected_tolerance_sentences(stored.rows))
     return sentences
 
 
