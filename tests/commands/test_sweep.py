@@ -386,7 +386,7 @@ def test_lines_of_the_study_move_and_take_their_fault():
     keys = set()
     for number in (0, 1, 2, 3, 60, 61, 62, 63, 64, 65, 69):
         line, key = study.scene_and_fault_key({"case": number})
-        assert line_in_motion(line, catenary_line.solve).cars
+        assert line_in_motion(line, catenary_line.solve).cars_on_rope
         assert (key is None) is (number < 60)
         if key is not None:
             keys.add(key.split(".")[-1])

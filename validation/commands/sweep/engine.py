@@ -19,7 +19,7 @@ import numpy as np
 
 from cablefem.response import atomic_write, write_text
 from validation.commands.sweep import job
-from validation.commands.sweep.study import Study
+from validation.commands.sweep.study import Point, Study
 from validation.core import store
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.store import Refused
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 LARGEST = 2000  # scenes in a chunk at most
 WRITES = ("rows", "study.toml")
 
-Row = dict[str, Any]
-Work = Callable[[Study, list[tuple[int, dict[str, Any]]]], list[Row]]
+Row = job.Row
+Work = Callable[[Study, list[tuple[int, Point]]], list[Row]]
 
 
 @dataclass(slots=True)

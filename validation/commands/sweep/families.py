@@ -8,7 +8,7 @@ import itertools
 import math
 import tomllib
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import tomli_w
@@ -66,9 +66,10 @@ def free_rider(draw: Draw) -> Scene:
     d = draw(10.0, 20.0)
     supports = {"span": span, "drop": span * draw(0.03, 0.12)}
     cable = {"mass_per_length": 0.0045 * d**2, "EA": 56e3 * d**2, "sag": span * draw(0.012, 0.03)}
-    x: Tables = {"cable": cable, "supports": supports, "mass": {"mass": draw(40.0, 120.0)}}
-    x["drive"] = {"mode": "free", "rolling_friction": draw(0.005, 0.03), "drag_area": draw(0.3, 0.8)}
-    x["drive"]["brake"] = [{"from": 0.93 * span, "force": draw(200.0, 600.0)}]
+    mass = {"mass": draw(40.0, 120.0)}
+    drive: Tables = {"mode": "free", "rolling_friction": draw(0.005, 0.03), "drag_area": draw(0.3, 0.8)}
+    drive["brake"] = [{"from": 0.93 * span, "force": draw(200.0, 600.0)}]
+    x: Tables = {"cable": cable, "supports": supports, "mass": mass, "drive": drive}
     return Scene(**x, name="free")
 
 
@@ -79,32 +80,34 @@ def rider_on_fibre_rope(draw: Draw) -> Scene:
     """
     span = draw(30.0, 200.0)
     d = draw(5.0, 14.0)
-    drop = span * draw(0.03, 0.15)
-    length = math.hypot(span, drop) * draw(1.01, 1.05)
-    x: Tables = {"cable": {"mass_per_length": 0.00075 * d**2, "EA": draw(4e3, 25e3) * d**2, "length": length}}
-    x |= {"supports": {"span": span, "drop": drop}, "mass": {"mass": draw(60.0, 150.0)}}
-    x["drive"] = {"mode": "free", "rolling_friction": draw(0.01, 0.04), "start": length * draw(0.05, 0.2)}
+    supports = {"span": span, "drop": span * draw(0.03, 0.15)}
+    length = math.hypot(span, supports["drop"]) * draw(1.01, 1.05)
+    cable = {"mass_per_length": 0.00075 * d**2, "EA": draw(4e3, 25e3) * d**2, "length": length}
+    mass = {"mass": draw(60.0, 150.0)}
+    drive = {"mode": "free", "rolling_friction": draw(0.01, 0.04), "start": length * draw(0.05, 0.2)}
+    x: Tables = {"cable": cable, "supports": supports, "mass": mass, "drive": drive}
     return Scene(**x, name="fibre")
 
 
 def car_on_slack_rope(draw: Draw) -> Scene:
     """A car that grips a slack locked rope, at 0.05 to 0.2 of the wave speed."""
     x = _ropeway_tables(draw)
+    cable = x["cable"]
     span = x["supports"]["span"]
-    sag = span * draw(0.06, 0.15)
-    H = 9.81 * x["cable"]["mass_per_length"] * span**2 / (8.0 * sag)
-    x["cable"]["horizontal_tension"] = H
+    cable["sag"] = span * draw(0.06, 0.15)
+    H = 9.81 * cable["mass_per_length"] * span**2 / (8.0 * cable["sag"])
+    cable["horizontal_tension"] = H
     x["mass"] = {"mass": H * draw(0.05, 0.3) / 9.81}
     x["travel"] = {"kind": "constant_speed", "speed": draw(0.05, 0.2) * _transverse_wave_speed(x)}
-    del x["cable"]["horizontal_tension"]
-    x["cable"]["sag"] = sag
+    del cable["horizontal_tension"]
     return Scene(**x, name="slack")
 
 
 def hauled_car_on_steep_rope(draw: Draw) -> Scene:
     """A car that is hauled up or down 45 to 60 degrees."""
     x = _ropeway_tables(draw)
-    x["supports"]["drop"] = math.copysign(draw(1.0, 1.7), draw(-1.0, 1.0)) * x["supports"]["span"]
+    supports = x["supports"]
+    supports["drop"] = math.copysign(draw(1.0, 1.7), draw(-1.0, 1.0)) * supports["span"]
     x["travel"] = {"kind": "accelerate_cruise_brake", "top_speed": draw(3.0, 8.0)}
     x["drive"] = {"mode": "haul", "rolling_friction": draw(0.0, 0.05), "drag_area": draw(0.0, 15.0)}
     return Scene(**x, name="steep")
@@ -113,7 +116,9 @@ def hauled_car_on_steep_rope(draw: Draw) -> Scene:
 def car_on_iced_rope(draw: Draw) -> Scene:
     """A car that grips a damped locked rope with up to a third of its weight in ice."""
     x = _ropeway_tables(draw)
-    x["cable"] |= {"ice": draw(0.02, 0.3) * x["cable"]["mass_per_length"], "damping": draw(0.002, 0.05)}
+    cable = x["cable"]
+    cable["ice"] = draw(0.02, 0.3) * cable["mass_per_length"]
+    cable["damping"] = draw(0.002, 0.05)
     speed = draw(0.1, 0.4) * _transverse_wave_speed(x)
     x["travel"] = {"kind": "accelerate_cruise_brake", "top_speed": speed}
     return Scene(**x, name="iced")
@@ -144,50 +149,59 @@ def line_over_saddles(draw: Draw) -> Line:
 
     Cars grip or are hauled.  One end is an anchor, the other too or a counterweight.
     """
-    x = _ropeway_tables(draw)
-    cable, T = x["cable"], x["cable"].pop("horizontal_tension")
-    at = [[0.0, 0.0]]
+    cable = _ropeway_tables(draw)["cable"]
+    T = cable.pop("horizontal_tension")
+    points = [(0.0, 0.0)]
     slope = draw(-0.35, 0.25)
     for _ in range(2 + int(draw(0.0, 2.0))):
         span = draw(150.0, 500.0)
-        at.append([at[-1][0] + span, at[-1][1] + span * slope])
+        x, y = points[-1]
+        points.append((x + span, y + span * slope))
         slope += draw(0.0, 0.1)  # down: the saddle is a crest
-    kinds = ["anchor", *["saddle"] * (len(at) - 2), "anchor"]
-    contacts: list[Tables] = [
-        {"name": f"contact{i}", "kind": kind, "at": place}
-        for i, (kind, place) in enumerate(zip(kinds, at, strict=True))
-    ]
+    contacts: list[Tables] = []
+    for i, point in enumerate(points):
+        contacts.append({"name": f"contact{i}", "kind": "saddle", "at": point})
+    for end in (contacts[0], contacts[-1]):
+        end["kind"] = "anchor"
     if draw(0.0, 1.0) < 0.5:
         cable["tension"] = {"at": "contact0", "value": T}
     else:
         contacts[-1 if draw(0.0, 1.0) < 0.5 else 0] |= {"kind": "counterweight", "tension": T}
-    chords = [0.0]
-    for (a, b), (c, d) in itertools.pairwise(at):
-        chords.append(chords[-1] + math.hypot(c - a, d - b))
-    cars = [_random_car_table(draw, "first", T, *[(at[i][0], chords[i]) for i in (0, 1)])]
+    along = [0.0]
+    for a, b in itertools.pairwise(points):
+        along.append(along[-1] + math.dist(a, b))
+    positions = [ContactPosition(x, s) for (x, _), s in zip(points, along, strict=True)]
+    cars = [_random_car_table(draw, "first", T, *positions[:2])]
     if draw(0.0, 1.0) < 0.5:
-        cars.append(_random_car_table(draw, "second", T, *[(at[i][0], chords[i]) for i in (-2, -1)]))
+        cars.append(_random_car_table(draw, "second", T, *positions[-2:]))
     tables: Tables = {"cable": cable, "contact": contacts, "car": cars}
     return Line(name="spans", **tables)
 
 
-def _random_car_table(
-    draw: Draw, name: str, rope_tension: float, left: tuple[float, float], right: tuple[float, float]
-) -> Tables:
-    """A car that goes 0.3 to 0.6 of the way between two contacts, either way.
+class ContactPosition(NamedTuple):
+    x: float
+    s: float  # along the chords
 
-    left, right : x of a contact, and length of the chords up to there.
-    """
+
+def _random_car_table(
+    draw: Draw, name: str, rope_tension: float, left: ContactPosition, right: ContactPosition
+) -> Tables:
+    """A car that goes 0.3 to 0.6 of the way between two contacts, either way: in x if it is hauled, else in s."""
     hauled = draw(0.0, 1.0) < 0.5
-    low, high = (contact[0 if hauled else 1] for contact in (left, right))
-    positions = [low + share * (high - low) for share in (draw(0.15, 0.35), draw(0.65, 0.85))]
-    first, last = positions if draw(0.0, 1.0) < 0.5 else positions[::-1]
+    low = left.x if hauled else left.s
+    high = right.x if hauled else right.s
+    shares = draw(0.15, 0.35), draw(0.65, 0.85)
+    first, last = (low + share * (high - low) for share in shares)
+    if draw(0.0, 1.0) >= 0.5:
+        first, last = last, first
     acceleration = draw(0.3, 0.8)
     reached = math.sqrt(0.9 * acceleration * abs(last - first))
     travel = {"kind": "trapezoid", "top_speed": min(draw(3.0, 8.0), reached), "from": first, "to": last}
     travel |= {"acceleration": acceleration, "deceleration": acceleration}
     car: Tables = {"name": name, "mass": rope_tension * draw(0.02, 0.1) / 9.81, "travel": travel}
-    return car | ({"drive": {"mode": "haul", "rolling_friction": draw(0.0, 0.02)}} if hauled else {})
+    if hauled:
+        car["drive"] = {"mode": "haul", "rolling_friction": draw(0.0, 0.02)}
+    return car
 
 
 def moving_line_and_fault_key(seed: int, case_number: int) -> tuple[Line, str | None]:
@@ -247,7 +261,7 @@ def scene_and_fault_key(seed: int, case_number: int, families_name: str = "ropew
     if drive.mode != "free":
         keys.append("travel.top_speed" if "top_speed" in scene.to_toml() else "travel.speed")
     if families_name == "wide":
-        more: Tables = {"drive.rolling_friction": drive.rolling_friction, "drive.drag_area": drive.drag_area}
-        more |= {"drive.brake.0.force": drive.brake, "supports.drop": scene.supports.drop}
-        keys += [key for key, value in more.items() if value]
+        wide: Tables = {"drive.rolling_friction": drive.rolling_friction, "drive.drag_area": drive.drag_area}
+        wide |= {"drive.brake.0.force": drive.brake, "supports.drop": scene.supports.drop}
+        keys += [key for key, value in wide.items() if value]
     return scene, keys[index // len(families) % len(keys)]

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from validation.commands.sweep.study import Study
+from validation.commands.sweep.study import Point, Study
 from validation.core import store
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from cablefem.scene import Scene
     from cablefem.scene.line import Line
 
+Row = dict[str, Any]
 # status: "complete" | "incomplete" | "refused" (the scene's own faults) | "cut off" (too long) | "failed" | "died"
 BROKEN = ("cut off", "failed", "died")
 GRACE = 5.0  # [s] between asking a scene to stop and ending its worker
@@ -61,14 +62,14 @@ def time_limit(seconds: float) -> Iterator[None]:
             timer.cancel()
 
 
-def rows_of_points(study: Study, numbered_points: list[tuple[int, dict[str, Any]]]) -> list[dict[str, Any]]:
+def rows_of_points(study: Study, numbered_points: list[tuple[int, Point]]) -> list[Row]:
     return [row_of_point(study, index, point) for index, point in numbered_points]
 
 
-def row_of_point(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
+def row_of_point(study: Study, index: int, point: Point) -> Row:
     """The row of one point: index, inputs, groups, status and the results of the job, within the study's time."""
     begin = time.perf_counter()
-    out: dict[str, Any] = {"index": index, **point}
+    out: Row = {"index": index, **point}
     try:
         with time_limit(study.seconds + max(0.0, FRESH - time.process_time())):
             out |= _results_of_job(study, point, index)
@@ -80,13 +81,13 @@ def row_of_point(study: Study, index: int, point: dict[str, Any]) -> dict[str, A
     return out | {"seconds": time.perf_counter() - begin}
 
 
-def row_of_lost_scene(study: Study, index: int, cause: str) -> dict[str, Any]:
+def row_of_lost_scene(study: Study, index: int, cause: str) -> Row:
     """The row of a scene that ends its worker."""
     reason = "each worker died that computed it"
     return {"index": index, **study.point(index), "status": "died", "cause": cause, "reason": reason}
 
 
-def _results_of_job(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
+def _results_of_job(study: Study, point: Point, index: int) -> Row:
     """Run, check, advise or test the judge on the scene of a point; "refused" for a scene with faults."""
     from cablefem.scene import SceneError
 
@@ -107,7 +108,7 @@ def _results_of_job(study: Study, point: dict[str, Any], index: int) -> dict[str
     return out | _check_row_with_planted_fault(scene, study.scene_and_fault_key(point)[1], how["tol"])
 
 
-def _check_row_with_planted_fault(scene: Scene | Line, key: str | None, tol: float) -> dict[str, Any]:
+def _check_row_with_planted_fault(scene: Scene | Line, key: str | None, tol: float) -> Row:
     """The row of a check whose second solver has a fault of 1 % in a key; None: no fault."""
     from cablefem.scene.line import Line
 
@@ -117,7 +118,7 @@ def _check_row_with_planted_fault(scene: Scene | Line, key: str | None, tol: flo
     return {"family": scene.name, "fault": fault} | row
 
 
-def _run_row(study: Study, run_options: dict[str, Any], scene: Scene, index: int) -> dict[str, Any]:
+def _run_row(study: Study, run_options: Row, scene: Scene, index: int) -> Row:
     """Results of a run with error bars, by the advised method if none is named; of some scenes also true errors."""
     from validation.core.design import design_numbers
     from validation.core.methods import find_method
@@ -127,15 +128,15 @@ def _run_row(study: Study, run_options: dict[str, Any], scene: Scene, index: int
     how = dict(run_options)
     tol = how.pop("tol", None)
     if "method" not in how:
-        how |= _advised_settings(scene, tol)
+        how |= _advised_options(scene, tol)
     method = how.pop("method")
     how |= {k: v for k, v in study.settings.items() if k in find_method(method).all_settings}
-    too_coarse: dict[str, Any] = {}
+    too_coarse: Row = {}
     try:
         Run(scene, method, **how)
     except ValueError as error:  # a method that cannot do what the scene asks for
         return {"status": "refused", "cause": "method", "reason": str(error)}
-    how["until"] = _stop_position(scene)
+    how["until"] = _end_of_run(scene)
     try:
         if tol is None:
             ladder = run_with_error_bars(scene, method, **how)
@@ -154,14 +155,14 @@ def _run_row(study: Study, run_options: dict[str, Any], scene: Scene, index: int
     return out | errors_against_finer_run(scene, r, study.truth.finer)
 
 
-def _stop_position(scene: Scene) -> float | None:
-    """s_o/l at which runs end: rows say nothing of the slack cable; None: the end of the motion."""
+def _end_of_run(scene: Scene) -> float | None:
+    """s_o/l at which a run ends: rows say nothing of the slack cable; None: the end of the motion."""
     from validation.core.measures import SLACK_END
 
     return SLACK_END if scene.drive.mode == "grip" else None
 
 
-def errors_against_finer_run(scene: Scene, r: Response, finer: int) -> dict[str, Any]:
+def errors_against_finer_run(scene: Scene, r: Response, finer: int) -> Row:
     """Errors of a run, and of one half as fine as the reference, over the range of the run's bar.
 
     The reference, by following-p2, is `finer` times as fine as the run; {} if that exceeds LARGEST_TRUTH.
@@ -173,10 +174,9 @@ def errors_against_finer_run(scene: Scene, r: Response, finer: int) -> dict[str,
     steps = max(2400, finer * r.settings.get("steps", 0))
     if r.path_error is None or steps * elements > LARGEST_TRUTH:
         return {}
-    how: dict[str, Any] = {"model": r.model, "load": r.load, "until": measures.WINDOW[1]}
-    best, half = (
-        run(scene, "following-p2", **how, elements=elements // coarser, steps=steps // coarser) for coarser in (1, 2)
-    )
+    how: Row = {"model": r.model, "load": r.load, "until": measures.WINDOW[1]}
+    best = run(scene, "following-p2", **how, elements=elements, steps=steps)
+    half = run(scene, "following-p2", **how, elements=elements // 2, steps=steps // 2)
     try:
         low, high = r.error_window or measures.WINDOW
         window = measures.common_window(r, best, half, window=(low, high))
@@ -202,7 +202,7 @@ def response_faults(r: Response) -> list[str]:
     return out
 
 
-def _advised_settings(scene: Scene, tol: float) -> dict[str, Any]:
+def _advised_options(scene: Scene, tol: float) -> Row:
     """Simplest model and method that `advise` finds; of a car that rolls, a method that can ride."""
     from validation import advice
 
@@ -212,26 +212,24 @@ def _advised_settings(scene: Scene, tol: float) -> dict[str, Any]:
     return {k: advised[k] for k in ("method", "model", "load")}
 
 
-def _check_row(scene: Scene, tol: float, second: Scene | None) -> dict[str, Any]:
-    """Verdict, what does not agree, and numbers of the better solver; second : a scene for the second one, or None."""
+def _check_row(scene: Scene, tol: float, second_scene: Scene | None) -> Row:
+    """Verdict, what does not agree, and numbers of the better solver; second_scene : what the second one solves."""
     from validation import check
 
     def path_error(ladder: Any) -> float:
         return math.inf if ladder.finest.path_error is None else float(ladder.finest.path_error)
 
-    result = check(scene, tol=tol, until=_stop_position(scene), second=second)
+    result = check(scene, tol=tol, until=_end_of_run(scene), second=second_scene)
     best = min((result.a, result.b), key=path_error)
-    return _response_columns(best.finest, scene) | {
-        "verdict": result.verdict.value,
-        "not_agreed": _not_agreed_text(result),
-    }
+    verdict = {"verdict": result.verdict.value, "not_agreed": _not_agreed_text(result)}
+    return _response_columns(best.finest, scene) | verdict
 
 
-def _line_check_row(line: Line, tol: float, second: Line | None) -> dict[str, Any]:
-    """Verdict and what does not agree on a line in motion; second : a line for the second solver, or None."""
+def _line_check_row(line: Line, tol: float, second_line: Line | None) -> Row:
+    """Verdict and what does not agree on a line in motion; second_line : what the second solver solves."""
     from validation.commands.check.motion import check_line
 
-    result: Any = check_line(line, tol, second=second)
+    result: Any = check_line(line, tol, second=second_line)
     verdict = {"verdict": result.verdict.value, "not_agreed": _not_agreed_text(result)}
     return verdict | {"status": result.status, "reason": result.moved.reason, "method": result.moved.method}
 
@@ -243,7 +241,7 @@ def _not_agreed_text(result: Any) -> str | None:
     return ", ".join(differ) or None
 
 
-def _advice_row(scene: Scene, tol: float) -> dict[str, Any]:
+def _advice_row(scene: Scene, tol: float) -> Row:
     from validation import advice
 
     advised = advice(scene, tol)
@@ -252,7 +250,7 @@ def _advice_row(scene: Scene, tol: float) -> dict[str, Any]:
     return out | {"status": "complete", "settings": json.dumps(advised["settings"]), "verdict": verdict}
 
 
-def _response_columns(r: Response, scene: Scene) -> dict[str, Any]:
+def _response_columns(r: Response, scene: Scene) -> Row:
     """What a row holds of a response."""
     from validation.core import limits
     from validation.core.answers import outcome_of_run

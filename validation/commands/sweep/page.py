@@ -34,22 +34,26 @@ def sections(folder: Path) -> list[Section]:
     study = Study.load(file)
     rows = read_rows(folder)
     complete = rows["status"] == "complete"
-    thin = _thinned_rows(rows)
-    data = json.dumps(_explorer_data(study, file, thin)).replace("<", "\\u003c")
-    script = Markup((resources.files(__package__) / "explorer.js").read_text(encoding="utf-8"))
+    broken = rows["status"].isin(BROKEN)
+    bars = bar_coverage_rows(rows) if rows["true_error"].notna().any() else []
+    maps = list(_draw_maps(study, rows))
+    shown = _thinned_rows(rows)
+    data = json.dumps(_explorer_data(study, file, shown)).replace("<", "\\u003c")
+    script = (resources.files(__package__) / "explorer.js").read_text(encoding="utf-8")
     return render_sections(
-        __package__, study=study, rows=rows, complete=complete.sum(), broken=rows["status"].isin(BROKEN).sum(),
-        unfinished=rows[~complete], judged=rows[rows["verdict"].notna()], counted=_count_table,
-        bars=bar_coverage_rows(rows) if rows["true_error"].notna().any() else [], maps=list(_draw_maps(study, rows)),
-        shown=len(thin), data=Markup(data), script=script,
+        __package__, study=study, rows=rows, complete=complete.sum(), broken=broken.sum(), unfinished=rows[~complete],
+        judged=rows[rows["verdict"].notna()], counted=_count_table, bars=bars, maps=maps, shown=len(shown),
+        data=Markup(data), script=Markup(script),
     )  # fmt: skip
 
 
 def _count_table(rows: DataFrame, by: list[str], caption: str) -> Markup:
     """Table of how often each combination of words occurs, most frequent first."""
-    counts = rows.value_counts(by, dropna=False).reset_index(name="scenes").rename(columns={"verdict": "judged"})
+    counts = rows.value_counts(by, dropna=False).reset_index(name="scenes")
+    counts = counts.rename(columns={"verdict": "judged"})
     counts["part"] = [percent_text(n / len(rows), 3) for n in counts["scenes"]]
-    return html_table(counts.replace({np.nan: None}).to_dict("records"), list(counts.columns), caption=caption)
+    records = counts.replace({np.nan: None}).to_dict("records")
+    return html_table(records, list(counts.columns), caption=caption)
 
 
 OF = {"path": ("path_error", "true_error", "doubt"), "tension": ("tension_error", "true_tension", "doubt_tension")}
@@ -65,20 +69,21 @@ def bar_coverage_rows(rows: DataFrame) -> list[dict[str, Any]]:
         largest = rows[[bar, true]].max(axis=1)
         judged = rows[rows[doubt] <= largest / 3.0]  # no doubt, no row
         for name, part in [*judged.groupby("method"), ("all", judged)]:
-            short = part[part[true] > part[bar]]
-            plain = part[part["flags"].isna()]
-            holds = f"{100.0 * (1.0 - len(short) / len(part)):.1f} %" if len(part) else ""
+            too_small = part[true] > part[bar]
+            unflagged = part["flags"].isna()
+            ratio = part[bar] / part[true]
+            holds = f"{100.0 * (1.0 - too_small.sum() / len(part)):.1f} %" if len(part) else ""
             out.append({
                 "bar of": quantity, "method": name, "held against": len(part), "bar holds": holds,
-                "unflagged": len(plain), "too small and unflagged": int(short["flags"].isna().sum()),
-                "bar over true, median": float((part[bar] / part[true]).median()),
-                "the same, unflagged": float((plain[bar] / plain[true]).median()),
+                "unflagged": int(unflagged.sum()), "too small and unflagged": int((too_small & unflagged).sum()),
+                "bar over true, median": float(ratio.median()),
+                "the same, unflagged": float(ratio[unflagged].median()),
             })  # fmt: skip
     return out
 
 
 def _draw_maps(study: Study, rows: DataFrame) -> Iterator[Markup]:
-    axes = [name for name, a in study.axes.items() if a.numeric and rows[name].nunique() > 1]
+    axes = [name for name, axis in study.axes.items() if axis.numeric and rows[name].nunique() > 1]
     if not axes:
         return
     logs = _logarithmic_axes(study)
@@ -99,8 +104,8 @@ def _draw_dots(ax: Any, rows: DataFrame, x: str, y: str, logs: set[str], **looks
     """Draw a dot for each scene, a link to its row; x, y : columns."""
     dots = ax.scatter(rows[x], rows[y], s=14, linewidths=0, **looks)
     dots.set_urls([f"#scene-{i}" for i in rows.index])
-    scale_x, scale_y = ("log" if name in logs else "linear" for name in (x, y))
-    ax.set(xlabel=_label_with_unit(x), xscale=scale_x, yscale=scale_y)
+    x_scale, y_scale = ("log" if name in logs else "linear" for name in (x, y))
+    ax.set(xlabel=_label_with_unit(x), xscale=x_scale, yscale=y_scale)
     return dots
 
 
@@ -123,8 +128,9 @@ def _draw_outcomes(rows: DataFrame, axes: list[str], logs: set[str]) -> Markup:
 @cache
 def _unit_by_name() -> dict[str, str]:
     """Unit of each axis and each number."""
+    out = {key.name: key.unit for key in list_keys(Scene)}
     groups = store.read_packaged_toml(__package__, "keys.toml")["groups"]
-    return {key.name: key.unit for key in list_keys(Scene)} | {name: unit for name, (unit, _) in groups.items()}
+    return out | {name: unit for name, (unit, _) in groups.items()}
 
 
 def _label_with_unit(name: str) -> str:
@@ -150,14 +156,16 @@ def _draw_map(rows: DataFrame, quantity: str, axes: list[str], logs: set[str]) -
     """Draw a quantity over the first two axes, or over the only one; a third axis is cut into parts."""
     factor, unit = factor_and_prefixed_unit(rows[quantity].to_numpy(float), unit_of(quantity))
     rows = rows.assign(**{quantity: factor * rows[quantity]})
-    name = f"{quantity_words(quantity)} [{unit or '–'}]"
+    words = quantity_words(quantity)
+    name = f"{words} [{unit or '–'}]"
     x, y = (*axes, quantity)[:2]
     parts = [("", rows)]
     split = ""
     if len(axes) > 2:
         parts = _split_by_axis(rows, axes[2])
         split = f", {axes[2]} from left to right"
-    fig, grid = figure_with_axes(1, len(parts), height=2.9 if len(parts) == 1 else 2.6, sharey=True, squeeze=False)
+    height = 2.9 if len(parts) == 1 else 2.6
+    fig, grid = figure_with_axes(1, len(parts), height=height, sharey=True, squeeze=False)
     low, high = np.percentile(rows[quantity].to_numpy(float), [1, 99])
     for ax, (title, part) in zip(grid[0], parts, strict=True):
         dots = _draw_dots(ax, part, x, y, logs, c=part[quantity], vmin=low, vmax=high)
@@ -167,7 +175,6 @@ def _draw_map(rows: DataFrame, quantity: str, axes: list[str], logs: set[str]) -
     grid[0][0].set_ylabel(name if y == quantity else _label_with_unit(y))
     # longer names would be cut off
     fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(name, 24))
-    words = quantity_words(quantity)
     return captioned_figure(fig, f"{words[0].upper()}{words[1:]} over {x} and {y}{split}")
 
 
@@ -176,10 +183,11 @@ def _split_by_axis(rows: DataFrame, axis: str) -> list[tuple[str, DataFrame]]:
     parts = 3  # of a third axis
     if rows[axis].nunique() <= parts:
         return [(f"{axis} = {number_html(x)}", part) for x, part in rows.groupby(axis)]
-    shares = qcut(rows[axis], parts, duplicates="drop")
-    return [
-        (f"{number_html(x.left)} to {number_html(x.right)}", part) for x, part in rows.groupby(shares, observed=True)
-    ]
+    out = []
+    for ends, part in rows.groupby(qcut(rows[axis], parts, duplicates="drop"), observed=True):
+        title = f"{number_html(ends.left)} to {number_html(ends.right)}"
+        out.append((title, part))
+    return out
 
 
 def _explorer_data(study: Study, file: Path, rows: DataFrame) -> dict[str, Any]:
@@ -189,12 +197,12 @@ def _explorer_data(study: Study, file: Path, rows: DataFrame) -> dict[str, Any]:
     columns = []
     for name in dict.fromkeys(names):
         if rows[name].notna().any():
-            values = list(map(_json_value, rows[name].tolist()))
+            values = list(map(_rounded_json_value, rows[name].tolist()))
             columns.append({"name": _label_with_unit(name), "log": name in logs, "values": values})
     return {"study": str(file), "index": rows.index.tolist(), "columns": columns}
 
 
-def _json_value(value: str | float | None) -> str | float | None:
+def _rounded_json_value(value: str | float | None) -> str | float | None:
     """A word as it is, a number to five digits, None for nan."""
     if isinstance(value, str):
         return value

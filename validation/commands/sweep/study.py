@@ -25,6 +25,7 @@ from validation.core.store import Refused
 
 GROUPS = ("sag_ratio", "mu", "alpha", "speed_ratio")  # of `Scene.variant`
 FREE = ("slope", "travel", "span", "rho", "gravity")  # besides them, of `Scene.from_groups`: without a base scene
+Point = dict[str, Any]  # values of the axes by name
 RUN_OPTIONS = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
 
 
@@ -154,7 +155,7 @@ class Study(Part):
     def __len__(self) -> int:
         return self.sample.count if self.sample else math.prod(len(axis.values) for axis in self.axes.values())
 
-    def point(self, index: int) -> dict[str, Any]:
+    def point(self, index: int) -> Point:
         """Values of the axes at a point, 0 <= index < len(self)."""
         if not 0 <= index < len(self):
             raise Refused(f"scene {index}: {self.name} has the scenes 0 to {len(self) - 1}")
@@ -166,7 +167,7 @@ class Study(Part):
         at = np.unravel_index(index, [len(axis.values) for axis in self.axes.values()])
         return {name: axis.values[i] for (name, axis), i in zip(self.axes.items(), at, strict=True)}
 
-    def scene_at(self, point: dict[str, Any]) -> Scene | Line:
+    def scene_at(self, point: Point) -> Scene | Line:
         """The scene of a point; SceneError where it has faults."""
         if self.job == "power":
             return self.scene_and_fault_key(point)[0]
@@ -178,12 +179,12 @@ class Study(Part):
         scene = scene.replace(dotted) if dotted else scene
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
-    def scene_and_fault_key(self, point: dict[str, Any]) -> tuple[Scene | Line, str | None]:
+    def scene_and_fault_key(self, point: Point) -> tuple[Scene | Line, str | None]:
         """The scene of a point of job power, and the key of its planted fault; None: it has none."""
         seed = self.settings.get("seed", 0)
         return families.scene_and_fault_key(seed, round(point["case"]), self.settings.get("families", "ropeway"))
 
-    def run_options(self, point: dict[str, Any]) -> dict[str, Any]:
+    def run_options(self, point: Point) -> dict[str, Any]:
         """The entries of RUN_OPTIONS that the study names."""
         named = {"method": self.method, "tol": self.tol} | {k: v for k, v in point.items() if k in RUN_OPTIONS}
         return {k: v for k, v in named.items() if v is not None}
