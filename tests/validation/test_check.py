@@ -187,3 +187,9 @@ def test_required_of_the_path_alone_forces_and_laws_are_shown():
     assert any(row.verdict is Verdict.TOO_COARSE for row in found.rows if not row.decides)
     with pytest.raises(ValueError, match=r"ask = 'pth': unknown\. Did you mean path"):
         check("level", ask="pth")
+
+
+@pytest.mark.parametrize("methods", ["following-p2", ("following-p2",), ("following-p2", "fourier-kink", "fourier")])
+def test_a_check_is_of_two_methods(methods):
+    with pytest.raises(ValueError, match=r"methods = .*: must be two, one of each wing"):
+        check("level", methods=methods)

@@ -161,6 +161,8 @@ def check(
         refuse_out_of_range("tol_tension", tol_tension, 1e-6, 1.0)
     if ask not in DECIDING_QUANTITIES:
         raise ValueError(f"ask = {short_text(ask)}: unknown.{did_you_mean(str(ask), DECIDING_QUANTITIES)}")
+    if isinstance(methods, str) or len(methods) != 2:
+        raise ValueError(f"methods = {short_text(methods)}: must be two, one of each wing")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     tolerance = partial(tolerance_of_kind, tol=tol, tol_tension=tol_tension)
     sides = _methods_with_tolerance_shares((scene, second or scene), methods, tol, until)
