@@ -12,7 +12,14 @@ from typing import Any, NamedTuple
 
 from validation.core.readback.pages import section_html
 from validation.core.readback.stored import Faults, Row, read_json, read_package_toml
-from validation.core.readback.texts import NUMBER, contents_of_tags, plain_text, rows_of_each_table, shows_value
+from validation.core.readback.texts import (
+    NUMBER,
+    contents_of_tags,
+    plain_text,
+    rows_of_each_table,
+    shows_value,
+    with_plain_signs,
+)
 from validation.core.scene_data import ROUNDING, si_factor
 
 _CLAUSE = re.compile(r"(.+?)\s*(<=|>=|<|>|=)\s*(\S+)\s*(\S*)")
@@ -32,7 +39,7 @@ def find_faults(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
         sentences = [answer["sentence"]]
         yield from _search_faults(answer)
         summary = plain_text("".join(contents_of_tags('p class="summary"', section)))
-        if summary != plain_text(answer["sentence"]):
+        if summary != with_plain_signs(answer["sentence"]):
             yield "the page has another answer than find.json"
         yield from _evaluation_row_faults(answer["evaluations"], rows)
     for sentence in sentences:
@@ -89,7 +96,7 @@ def _shown_row_faults(shown: Sequence[Sequence[str]], stored: Sequence[Sequence[
     for cells, row in zip(shown, stored, strict=False):
         for text, value in zip(cells, row, strict=True):
             if isinstance(value, str) and value:
-                good = text == plain_text(value)
+                good = text == with_plain_signs(value)
             else:
                 good = shows_value(text, None if value == "" else value, digits=6)
             if not good:

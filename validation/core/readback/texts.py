@@ -18,7 +18,12 @@ _POWERS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 def plain_text(html_text: str) -> str:
     """The text of HTML without tags, with plain minus signs and single spaces."""
-    text = html.unescape(re.sub(r"<[^>]*>", "", html_text)).replace("\u202f", " ").replace("−", "-")
+    return with_plain_signs(html.unescape(re.sub(r"<[^>]*>", "", html_text)))
+
+
+def with_plain_signs(text: str) -> str:
+    """A text that is no HTML with plain minus signs and single spaces: "<=" and ">" in it are no tag."""
+    text = text.replace("\u202f", " ").replace("−", "-")
     return re.sub(r"\s+", " ", text).strip()
 
 
