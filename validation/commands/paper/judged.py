@@ -49,12 +49,12 @@ def claim_verdict(quantities: Sequence[Row], one_is_enough: bool = False) -> str
     return PAPER_ONLY if joined(_sign_inside_range(q, q["paper"]) for q in quantities) > 0 else FAILS
 
 
-def _sign_inside_range(q: Row, value: float | None, bar: float | None = 0.0) -> int:
+def _sign_inside_range(quantity: Row, value: float | None, bar: float | None = 0.0) -> int:
     """1 inside the range, -1 outside, 0 where the bar reaches across an end or is unknown."""
     if value is None or bar is None:
         return 0
-    low = -math.inf if q["low"] is None else q["low"]
-    high = math.inf if q["high"] is None else q["high"]
+    low = -math.inf if quantity["low"] is None else quantity["low"]
+    high = math.inf if quantity["high"] is None else quantity["high"]
     if low <= value - bar and value + bar <= high:
         return 1
     return -1 if value + bar < low or value - bar > high else 0

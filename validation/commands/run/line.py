@@ -41,15 +41,15 @@ def numbers_by_position(rest: LineRest) -> list[Row | None]:
     return [_numbers_at_position(rest, i) if i in rest.states else None for i in range(len(rest.positions))]
 
 
-def _numbers_at_position(rest: LineRest, i: int) -> Row:
-    """Numbers of position i by name; None for what a car on a shoe has not, and for what is not finite."""
+def _numbers_at_position(rest: LineRest, position: int) -> Row:
+    """Numbers of a position by name; None for what a car on a shoe has not, and for what is not finite."""
     line = rest.line
-    state = rest.states[i]
+    state = rest.states[position]
     out: Row = {}
     for car in line.car:
-        out |= _numbers_at_car(rest, i, car)
+        out |= _numbers_at_car(rest, position, car)
     for j in range(len(line.contact)):
-        out |= _numbers_at_contact(rest, i, j)
+        out |= _numbers_at_contact(rest, position, j)
     for a, b in itertools.pairwise(line.contact):
         between = station_index(state, a.name), station_index(state, b.name)
         out[f"sag:{a.name} to {b.name}"] = catenary_line.sag_between_stations(state, *between)
@@ -76,11 +76,11 @@ def _rope_tensions_and_clearances(line: Line, state: LineState) -> Row:
     return out
 
 
-def _numbers_at_car(rest: LineRest, i: int, car: Car) -> Row:
-    """Position, depth, shoe, clearance over the ground and forces of a car at position i; no forces on a shoe."""
+def _numbers_at_car(rest: LineRest, position: int, car: Car) -> Row:
+    """Position, depth, shoe, clearance over the ground and forces of a car; no forces on a shoe."""
     line = rest.line
-    state = rest.states[i]
-    x = line.position_of(car, i)
+    state = rest.states[position]
+    x = line.position_of(car, position)
     shoe = line.saddle_with_shoe_at(x)
     forces = {"tension_behind": state.station_tensions[:, 0], "tension_ahead": state.station_tensions[:, 1]}
     if car.hauled:
@@ -90,7 +90,7 @@ def _numbers_at_car(rest: LineRest, i: int, car: Car) -> Row:
         depth = float(state.points[k, 1])
         values: Row = {f"{name}:{car.name}": float(N[k]) for name, N in forces.items()}
     else:
-        depth = _depth_on_shoe(rest, i, car, shoe.at)
+        depth = _depth_on_shoe(rest, position, car, shoe.at)
         values = {f"{name}:{car.name}": None for name in forces}
     out: Row = {f"x:{car.name}": x, f"depth:{car.name}": depth, f"on:{car.name}": shoe and shoe.name}
     out |= values
@@ -100,38 +100,39 @@ def _numbers_at_car(rest: LineRest, i: int, car: Car) -> Row:
     return out
 
 
-def _depth_on_shoe(rest: LineRest, i: int, car: Car, saddle: tuple[float, float]) -> float:
+def _depth_on_shoe(rest: LineRest, position: int, car: Car, saddle: tuple[float, float]) -> float:
     """Depth of a car on a shoe: a smooth rail over the saddle, from and to where the car hangs on the rope.
 
     At its ends the rail runs along the chords to the saddle, there with their mean slope.
     """
-    left, right = (state.points[station_index(state, car.name)] for state in rest.shoe_ends[i, car.name])
+    left, right = (state.points[station_index(state, car.name)] for state in rest.shoe_ends[position, car.name])
     x, y = np.array([left, saddle, right]).T
     slopes = np.diff(y) / np.diff(x)  # of both chords
     rail = CubicHermiteSpline(x, y, [slopes[0], slopes.mean(), slopes[1]])
-    return float(rail(rest.line.position_of(car, i)))
+    return float(rail(rest.line.position_of(car, position)))
 
 
-def _numbers_at_contact(rest: LineRest, i: int, j: int) -> Row:
-    """Numbers of contact j at position i."""
+def _numbers_at_contact(rest: LineRest, position: int, contact_index: int) -> Row:
+    """Load, bend and travel of a contact at a position."""
     line = rest.line
-    state = rest.states[i]
-    contact = line.contact[j]
+    state = rest.states[position]
+    contact = line.contact[contact_index]
     name = contact.name
     k = station_index(state, name)
     out = {f"tension:{name}": float(np.nanmax(state.station_tensions[k]))}
     if contact.kind == "saddle":
         across, down = state.rope_force_on_stations[k].tolist()
-        on_shoe = [car.mass for car in line.car if line.saddle_with_shoe_at(line.position_of(car, i)) is contact]
-        load_down = down + sum(on_shoe) * line.gravity
+        shoes = [line.saddle_with_shoe_at(line.position_of(car, position)) for car in line.car]
+        mass = sum(car.mass for car, shoe in zip(line.car, shoes, strict=True) if shoe is contact)
+        load_down = down + mass * line.gravity
         out[f"load:{name}"] = math.hypot(across, load_down)
         out[f"load_down:{name}"] = load_down
         out[f"pressure:{name}"] = math.hypot(across, down)
         out[f"pressure_down:{name}"] = down
         out[f"knee:{name}"] = _degrees_of_bend_down(state, k)
-        out[f"knee_empty:{name}"] = _degrees_of_bend_down(rest.empty, j)
+        out[f"knee_empty:{name}"] = _degrees_of_bend_down(rest.empty, contact_index)
         out[f"direction:{name}"] = math.degrees(math.atan2(across, down))
-        out[f"rope_over:{name}"] = float(rest.empty.s[j] - state.s[k])
+        out[f"rope_over:{name}"] = float(rest.empty.s[contact_index] - state.s[k])
     elif contact.kind == "counterweight":
         taken = float(np.ptp(state.s) - np.ptp(rest.empty.s))
         case = state.case

@@ -50,6 +50,7 @@ from validation.page.motion import (
     motion_unit,
 )
 
+Factors = tuple[int, int]  # of the coarsest resolution, and of the fewest steps
 Events = Sequence[tuple[str, float]]  # name and time [s]
 
 # columns of path-NAME.csv, beside F_shoe and those of `turning_and_wheel_load_series`
@@ -170,17 +171,17 @@ def _stops_and_starts(events: Events, name: str, t: Array, s: Array) -> Iterator
         yield StopOrStart(i, stops, positions[n] if stops else positions[n + 1])
 
 
-def coarser_factors(space: int, time: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Factors in space and time of the coarser runs: half and quarter of the resolution, and of the steps."""
-    in_space = [(space // k, time) for k in (2, 4) if space >= k]
-    in_time = [(space, time // k) for k in (2, 4) if time >= k]
+def coarser_factors(space_factor: int, time_factor: int) -> tuple[list[Factors], list[Factors]]:
+    """Factors of the coarser runs: half and quarter of the resolution, and of the steps."""
+    in_space = [(space_factor // k, time_factor) for k in (2, 4) if space_factor >= k]
+    in_time = [(space_factor, time_factor // k) for k in (2, 4) if time_factor >= k]
     return in_space, in_time
 
 
-def run_ladders(solvers: Sequence[LineRuns], space: int, time: int, report: Progress) -> None:
+def run_ladders(solvers: Sequence[LineRuns], space_factor: int, time_factor: int, report: Progress) -> None:
     """Make the runs of the ladders of several solvers in parallel, the finest first, and store them in the solvers."""
-    in_space, in_time = coarser_factors(space, time)
-    factors = [(space, time), *in_time, *in_space]
+    in_space, in_time = coarser_factors(space_factor, time_factor)
+    factors = [(space_factor, time_factor), *in_time, *in_space]
     missing = [(solver, x) for x in factors for solver in reversed(solvers) if x not in solver.known]
 
     def store_run(i: int, run: LineRun) -> None:
@@ -251,36 +252,37 @@ class LineRuns:
         else:
             self.grid = [np.unique([t0, t1, *like.instants_between(t0, t1)]) for t0, t1 in phases]
             self.instants = like.instants_between(0.0, self.line.t_end)
-        self.known: dict[tuple[int, int], LineRun] = {}  # runs made so far, by `run`'s arguments
+        self.known: dict[Factors, LineRun] = {}  # runs made so far, by `run`'s arguments
 
     def instants_between(self, t0: float, t1: float) -> Array:
         """Instants from t0 to t1."""
         return self.instants[(self.instants >= t0) & (self.instants <= t1)]
 
-    def run(self, space: int, time: int) -> LineRun:
-        """The run with `space` times the coarsest resolution and `time` times the fewest steps, made once."""
-        if (space, time) not in self.known:
-            self.known[space, time] = self._compute_run(space, time)
-        return self.known[space, time]
+    def run(self, space_factor: int, time_factor: int) -> LineRun:
+        """The run with multiples of the coarsest resolution and of the fewest steps, made once."""
+        factors = space_factor, time_factor
+        if factors not in self.known:
+            self.known[factors] = self._compute_run(*factors)
+        return self.known[factors]
 
-    def ladder(self, space: int, time: int) -> Ladder:
+    def ladder(self, space_factor: int, time_factor: int) -> Ladder:
         """The run, half and quarter in space and in time; no quarter of 2."""
         branches = []
         order = 4.0  # credited to refinement in space and time, at most
-        for settings in coarser_factors(space, time):
+        for settings in coarser_factors(space_factor, time_factor):
             runs: list[Any] = [self.run(*setting) for setting in settings]
             branches.append(Branch(tuple(runs), (2.0,) * len(runs), order))
-        finest: Any = self.run(space, time)
+        finest: Any = self.run(space_factor, time_factor)
         return Ladder(finest, *branches)
 
-    def _compute_run(self, space: int, time: int) -> LineRun:
+    def _compute_run(self, space_factor: int, time_factor: int) -> LineRun:
         """March from system to system, a new one wherever a car comes to other contacts."""
-        n = space * self.coarsest
+        n = space_factor * self.coarsest
         system = self.method.system(self.line, n)
         n_dof = system.n_dof
         grid = []
         for t in self.grid:
-            shares = np.arange(time * (t.size - 1) + 1) / time
+            shares = np.arange(time_factor * (t.size - 1) + 1) / time_factor
             grid.append(np.interp(shares, np.arange(t.size), t))
         origin = self.line.rope.length if self.line.rope.length is not None else self.length
         s = np.linspace(origin - self.length, origin, 101)  # stations
@@ -289,7 +291,7 @@ class LineRuns:
         states: list[State] = []
         start: State | None = None
         steps = grid
-        on_rail = 6  # coarsest steps of a car on a rail over a shoe
+        steps_on_rail = 6  # coarsest steps of a car on a rail over a shoe
         while True:
             march = self._march_one_system(system, start, steps, work)
             parts.append(system.observe(march.states, s))
@@ -297,7 +299,8 @@ class LineRuns:
             if march.following is None:
                 break
             system, start = march.following
-            finer = start.t + shortest_time_on_rail(system, start) * np.linspace(0.0, 2.0, 2 * on_rail * time + 1)
+            on_rails = np.linspace(0.0, 2.0, 2 * steps_on_rail * time_factor + 1)
+            finer = start.t + shortest_time_on_rail(system, start) * on_rails
             steps = [np.union1d(t, finer[(finer > t[0]) & (finer < t[-1])]) for t in grid]
         motion = join_motions_in_time(parts)
         events = [(event.name, event.t) for event in work.events]
@@ -465,9 +468,8 @@ class MotionAnswers(LineAnswers):
     def _write_paths(self, folder: Path) -> None:
         """Write path-NAME.csv of each car."""
         motion = self.motion
-        thermal_stretch = 1.0 + self.line.cable.thermal_strain
         for car in motion.cars:
-            w = car.point - empty_rope_points(self.empty, car.s / thermal_stretch)
+            w = car_deflections(self.line, self.empty, car)
             speed = np.hypot(*car.velocity.T)
             more = turning_and_wheel_load_series(car)
             if car.shoe_force.any():
@@ -550,22 +552,20 @@ def motion_answers(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agree
 
 def largest_car_deflection(line: Line, empty: LineState, motion: LineMotion) -> float:
     """Largest distance of a car from its point of the empty rope [m]; 1 without cars."""
-    thermal_stretch = 1.0 + line.cable.thermal_strain
-    deflections = []
-    for car in motion.cars:
-        w = car.point - empty_rope_points(empty, car.s / thermal_stretch)
-        deflections.append(float(np.hypot(*w.T).max()))
-    return max(deflections, default=1.0)
+    deflections = [np.hypot(*car_deflections(line, empty, car).T) for car in motion.cars]
+    return max((float(w.max()) for w in deflections), default=1.0)
+
+
+def car_deflections(line: Line, empty: LineState, car: CarMotion) -> Array:
+    """How far (n, 2) [m] a car is from its point of the empty rope."""
+    s = car.s / (1.0 + line.cable.thermal_strain)
+    return car.point - empty_rope_points(empty, s)
 
 
 def empty_rope_points(empty: LineState, s: Array) -> Array:
     """Points (n, 2) [m] of the empty rope at s (n,) [m] of it."""
     inner = np.clip(s, empty.s[0], empty.s[-1])
-    k = np.clip(np.searchsorted(empty.s, inner, side="right") - 1, 0, empty.s.size - 2)
-    out = np.empty((s.size, 2))
-    for i in np.unique(k):
-        here = k == i
-        lengths = (inner[here] - empty.s[i])[None]
-        pulls = np.broadcast_to(empty.ahead[i][None, :, None], (1, 2, lengths.size))
-        out[here] = empty.points[i] + catenary_line.piece_chord_vectors(pulls, lengths, empty.case)[0].T
-    return out
+    k = np.searchsorted(empty.s[1:-1], inner, side="right")  # pieces (n,)
+    lengths = inner - empty.s[k]
+    chords = catenary_line.piece_chord_vectors(empty.ahead[k][:, :, None], lengths[:, None], empty.case)
+    return empty.points[k] + chords[..., 0]
