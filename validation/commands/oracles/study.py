@@ -167,11 +167,11 @@ def observed_order(sizes: Sequence[float], errors: Sequence[float]) -> float:
     return float(-np.polyfit(np.log(sizes[: e.size]), np.log(e), 1)[0])
 
 
-def verdict_of_row(error: float, allowed: float, observed: float, expected: float | None) -> str:
+def verdict_of_row(error: float, allowed: float, order: float, expected_order: float | None) -> str:
     """The verdict: the error is allowed, and falls with the expected order, if there is one."""
     close = math.isfinite(error) and error <= allowed
     scatter = 0.3  # of an order from three or four runs: fronts meet the mass elsewhere in each mesh
-    falls = expected is None or observed >= expected - scatter
+    falls = expected_order is None or order >= expected_order - scatter
     return "agree" if close and falls else "disagree"
 
 

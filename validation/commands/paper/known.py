@@ -23,15 +23,15 @@ from validation.oracles import catenary_modes
 Row = dict[str, Any]
 
 
-def expression_variables(runs: Runs, others: Row) -> Row:
+def expression_variables(runs: Runs, numbers: Row) -> Row:
     """What expressions and templates may name: `m`, runs, scenes; a scene's name is that of its converged run.
 
-    others : of `compute_or_load_numbers`.
+    numbers : of `compute_or_load_numbers`.
     """
     converged = {scene: x.ladder.finest for scene, x in runs.reference.items()}
     constants = {"m": measured, "median": np.median, "pi": math.pi, "asked": SETTINGS}
     of_runs = {"scenes": runs.scenes, "runs": runs.by_name, "reference": runs.reference}
-    return constants | of_runs | converged | others
+    return constants | of_runs | converged | numbers
 
 
 def compute_or_load_numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> Row:

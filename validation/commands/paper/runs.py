@@ -35,13 +35,13 @@ class Reference:
     ladder: Ladder
     cross: Response
 
-    def bar(self, number_of_run: Callable[[Response], float]) -> float:
+    def cross_checked_bar(self, number_of_run: Callable[[Response], float]) -> float:
         """Bar of a number, at least the distance to the other solver."""
         distance = abs(number_of_run(self.ladder.finest) - number_of_run(self.cross))
         return max(float(self.ladder.bar(number_of_run)), distance)
 
     @property
-    def path_bar(self) -> float:
+    def cross_checked_path_bar(self) -> float:
         """Bar of the path in the window, over its largest deflection."""
         window = measures.common_window(*self.ladder.runs, self.cross)
 

@@ -162,16 +162,16 @@ def _end_of_run(scene: Scene) -> float | None:
     return SLACK_END if scene.drive.mode == "grip" else None
 
 
-def errors_against_finer_run(scene: Scene, r: Response, finer: int) -> Row:
+def errors_against_finer_run(scene: Scene, r: Response, finer_factor: int) -> Row:
     """Errors of a run, and of one half as fine as the reference, over the range of the run's bar.
 
-    The reference, by following-p2, is `finer` times as fine as the run; {} if that exceeds LARGEST_TRUTH.
+    The reference, by following-p2, is `finer_factor` times as fine as the run; {} if that exceeds LARGEST_TRUTH.
     """
     from validation.core import measures
     from validation.core.running import run
 
-    elements = max(32, finer * r.settings.get("elements", 0))
-    steps = max(2400, finer * r.settings.get("steps", 0))
+    elements = max(32, finer_factor * r.settings.get("elements", 0))
+    steps = max(2400, finer_factor * r.settings.get("steps", 0))
     if r.path_error is None or steps * elements > LARGEST_TRUTH:
         return {}
     how: Row = {"model": r.model, "load": r.load, "until": measures.WINDOW[1]}

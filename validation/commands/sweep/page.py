@@ -86,30 +86,30 @@ def _draw_maps(study: Study, rows: DataFrame) -> Iterator[Markup]:
     axes = [name for name, axis in study.axes.items() if axis.numeric and rows[name].nunique() > 1]
     if not axes:
         return
-    logs = _logarithmic_axes(study)
+    log_axes = _logarithmic_axes(study)
     ended = rows[rows["outcome_kind"].notna()]
     if len(ended):
-        yield _draw_outcomes(_thinned_rows(ended), axes, logs)
+        yield _draw_outcomes(_thinned_rows(ended), axes, log_axes)
     for quantity in MAPS:
         computed = _thinned_rows(rows[rows[quantity].notna()])
         if len(computed) > 2:
-            yield _draw_map(computed, quantity, axes, logs)
+            yield _draw_map(computed, quantity, axes, log_axes)
 
 
 def _logarithmic_axes(study: Study) -> set[str]:
     return {name for name, axis in study.axes.items() if axis.log}
 
 
-def _draw_dots(ax: Any, rows: DataFrame, x: str, y: str, logs: set[str], **looks: Any) -> Any:
+def _draw_dots(ax: Any, rows: DataFrame, x: str, y: str, log_axes: set[str], **looks: Any) -> Any:
     """Draw a dot for each scene, a link to its row; x, y : columns."""
     dots = ax.scatter(rows[x], rows[y], s=14, linewidths=0, **looks)
     dots.set_urls([f"#scene-{i}" for i in rows.index])
-    x_scale, y_scale = ("log" if name in logs else "linear" for name in (x, y))
+    x_scale, y_scale = ("log" if name in log_axes else "linear" for name in (x, y))
     ax.set(xlabel=_label_with_unit(x), xscale=x_scale, yscale=y_scale)
     return dots
 
 
-def _draw_outcomes(rows: DataFrame, axes: list[str], logs: set[str]) -> Markup:
+def _draw_outcomes(rows: DataFrame, axes: list[str], log_axes: set[str]) -> Markup:
     """Draw what becomes of the car over the first two axes, a colour for each kind."""
     x = axes[0]
     y = axes[1] if len(axes) > 1 else "speed_max"
@@ -119,7 +119,7 @@ def _draw_outcomes(rows: DataFrame, axes: list[str], logs: set[str]) -> Markup:
         part = rows[rows["outcome_kind"] == kind]
         marker = "o" if i < len(COLORS) else "s"
         label = ENDS.get(kind, kind)
-        _draw_dots(ax, part, x, y, logs, color=COLORS[i % len(COLORS)], marker=marker, label=label)
+        _draw_dots(ax, part, x, y, log_axes, color=COLORS[i % len(COLORS)], marker=marker, label=label)
     ax.set_ylabel(_label_with_unit(y))
     ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return captioned_figure(fig, f"What becomes of the car over {x} and {y}")
@@ -152,7 +152,7 @@ def _thinned_rows(rows: DataFrame) -> DataFrame:
     return rows.iloc[:: max(1, -(-len(rows) // most))]
 
 
-def _draw_map(rows: DataFrame, quantity: str, axes: list[str], logs: set[str]) -> Markup:
+def _draw_map(rows: DataFrame, quantity: str, axes: list[str], log_axes: set[str]) -> Markup:
     """Draw a quantity over the first two axes, or over the only one; a third axis is cut into parts."""
     factor, unit = factor_and_prefixed_unit(rows[quantity].to_numpy(float), unit_of(quantity))
     rows = rows.assign(**{quantity: factor * rows[quantity]})
@@ -168,7 +168,7 @@ def _draw_map(rows: DataFrame, quantity: str, axes: list[str], logs: set[str]) -
     fig, grid = figure_with_axes(1, len(parts), height=height, sharey=True, squeeze=False)
     low, high = np.percentile(rows[quantity].to_numpy(float), [1, 99])
     for ax, (title, part) in zip(grid[0], parts, strict=True):
-        dots = _draw_dots(ax, part, x, y, logs, c=part[quantity], vmin=low, vmax=high)
+        dots = _draw_dots(ax, part, x, y, log_axes, c=part[quantity], vmin=low, vmax=high)
         slack = part[part["slack_onset"].notna()]
         ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
         ax.set_title(title, fontsize=8)
@@ -193,12 +193,12 @@ def _split_by_axis(rows: DataFrame, axis: str) -> list[tuple[str, DataFrame]]:
 def _explorer_data(study: Study, file: Path, rows: DataFrame) -> dict[str, Any]:
     """What explorer.js shows: curves of scenes across their axes, and a table with the command of each."""
     names = [*study.axes, *DESIGN, "max_deflection", "path_error", "seconds", "status", "verdict", "method"]
-    logs = _logarithmic_axes(study)
+    log_axes = _logarithmic_axes(study)
     columns = []
     for name in dict.fromkeys(names):
         if rows[name].notna().any():
             values = list(map(_rounded_json_value, rows[name].tolist()))
-            columns.append({"name": _label_with_unit(name), "log": name in logs, "values": values})
+            columns.append({"name": _label_with_unit(name), "log": name in log_axes, "values": values})
     return {"study": str(file), "index": rows.index.tolist(), "columns": columns}
 
 
