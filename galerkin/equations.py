@@ -85,7 +85,7 @@ class GalerkinSystem(System):
         self.force_scale = (self.mu or 1.0) * groups.sigma
         # rounding of N, summed over points
         self.force_floor = float(np.finfo(float).eps) * groups.alpha
-        # of the last residual, and its s; see `kernels.min_tension_and_position`
+        # of the last residual, and its s; see `kernels.smoothed_min_tension_and_position`
         self.min_tension_and_position = np.inf, 0.0
         self._reset_instant_cache()
 
@@ -168,9 +168,8 @@ class GalerkinSystem(System):
     def _tangent_at_instant(self, x: Instant, stiffness: Array, factors: TangentFactors) -> Array:
         c0, c1, c2 = factors
         c = x.inertia_terms
-        inertia = np.multiply(
-            c2 + c1 * self.damping, c.mass, dtype=np.result_type(c0, c1, c2, c.mass)
-        )  # a stage may be complex
+        dtype = np.result_type(c0, c1, c2, c.mass)  # a stage may be complex
+        inertia = np.multiply(c2 + c1 * self.damping, c.mass, dtype=dtype)
         inertia[:, -1] += c1 * c.gyroscopic + c0 * c.centrifugal
         if not self.path_form:
             inertia += self.inertia * np.multiply.outer(c.f, c2 * c.f + c1 * c.f_v + c0 * c.f_q)
@@ -179,8 +178,9 @@ class GalerkinSystem(System):
             K[i : i + self.n, i : i + self.n] += inertia
         if not self.path_form:
             return K
-        to_mass = np.kron(np.eye(self.fields), c.f)
-        return np.block([[K, (c2 * self.mu) * to_mass.T], [-c0 * to_mass, c0 * np.eye(self.fields)]])
+        identity = np.eye(self.fields)
+        to_mass = np.kron(identity, c.f)
+        return np.block([[K, (c2 * self.mu) * to_mass.T], [-c0 * to_mass, c0 * identity]])
 
     def runs_with_equal_quadrature(self, s_o: Array) -> Iterator[tuple[slice, kernels.CableSines]]:
         """Runs of consecutive positions s_o (m,) with the same quadrature rules, and their `CableSines`."""
@@ -207,67 +207,69 @@ class GalerkinSystem(System):
     ) -> newmark.StepResult:
         if not (self.has_compiled_steps and self.kink):
             return super().solve_step(t, phase, start, end_out, rule, newton)
-        _, ends, results = self._compiled_steps_without_events(np.array([t]), phase, start, rule[None], newton)
-        end_out[:] = ends[0]
-        self._store_min_tension(results[0])
-        return newmark.StepResult(*results[0, :4].tolist())
+        taken = self._take_steps_without_events(np.array([t]), phase, start, rule[None], newton)
+        end_out[:] = taken.ends[0]
+        self._store_min_tension(taken.outcomes[0])
+        return newmark.StepResult(*taken.outcomes[0, :4].tolist())
 
-    def solve_steps(self, *steps) -> newmark.ManySteps:
+    def solve_steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> newmark.ManySteps:
         """Steps end where the quadrature rules change or the cable falls slack."""
         if not (self.has_compiled_steps and self.kink):
             return newmark.NO_STEPS
-        taken, ends, results = self._compiled_steps_until_event(*steps)
-        if taken:
-            self._store_min_tension(results[taken - 1])
-        return newmark.ManySteps(ends[:taken], results[:taken])
+        good, ends, outcomes = self._take_steps_until_event(t, phase, start, rules, newton)
+        if good:
+            self._store_min_tension(outcomes[good - 1])
+        return newmark.ManySteps(ends[:good], outcomes[:good])
 
-    def _compiled_steps_without_events(
+    def _take_steps_without_events(
         self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
-    ) -> tuple[int, Array, Array]:
-        """The number of good steps, ends and results of `kernels.solve_steps`."""
+    ) -> kernels.StepsTaken:
         kinematics = self.motion.positions_with_rates(t, phase).T
         same, sines = next(self.runs_with_equal_quadrature(kinematics[:, 0]))
-        return kernels.solve_steps(
-            None, None, sines, np.ascontiguousarray(kinematics[same]), start, rules[same], newton
-        )
+        kinematics = np.ascontiguousarray(kinematics[same])
+        return kernels.solve_steps(None, None, sines, kinematics, start, rules[same], newton)
 
-    _compiled_steps_until_event = _compiled_steps_without_events
+    _take_steps_until_event = _take_steps_without_events
 
-    def _store_min_tension(self, result: Array) -> None:
-        """Store that of a step, from its row of results (6,) of `kernels.solve_steps`."""
-        min_tension, s = result[4:].tolist()
+    def _store_min_tension(self, outcome: Array) -> None:
+        """Store that of a step, from its outcome (6,)."""
+        min_tension, s = outcome[4:].tolist()
         self.min_tension_and_position = min_tension, s
 
     def start(self, phase: int, state: State | None) -> State:
         """At entry the limit t -> 0+; later q and v are continuous, a jumps with dds_o."""
         if state is None:
             s_o, ds_o, _ = self.motion.position_with_rates(0.0, 0)
-            if s_o > 0.0:
-                return newmark.quasi_static_start(
-                    self, lambda at: solve_equilibrium(self.with_clamped_car(at)), s_o, ds_o
-                )
-            return self._state_at_entry()
+            if s_o == 0.0:
+                return self._state_at_entry()
+            return newmark.quasi_static_start(self, self._unknowns_at_rest, s_o, ds_o)
         t = self.phases[phase][0]
         if not self.path_form:
             return newmark.consistent_acceleration(self, t, state.q, state.v, phase)
         # jumps of the constraint and of the balance
         before = self.instant(t, state.phase)
         x = self.instant(t, phase)
-        Q = state.q[: self.n_modal].reshape(self.fields, self.n)
+        Q = self._coefficients_by_field(state.q)
         after = x.inertia_terms
         earlier = before.inertia_terms
         kick = Q @ (after.f_q - earlier.f_q)
         balance = np.multiply.outer(self.mu * (kick + x.load - before.load), after.f)
         if self.kink:
             balance += np.multiply.outer(Q[:, -1], after.centrifugal - earlier.centrifugal)
-        jump = -np.linalg.solve(after.mass + self.mu * np.multiply.outer(after.f, after.f), balance.T).T
-        return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
+        mass = after.mass + self.mu * np.multiply.outer(after.f, after.f)
+        jump = -np.linalg.solve(mass, balance.T).T
+        jump_at_mass = jump @ after.f + kick
+        a = state.a + np.concatenate([jump.ravel(), jump_at_mass])
+        return State(t, state.q, state.v, a, phase)
 
-    def with_clamped_car(self, s_o: float) -> GalerkinSystem:
-        """The cable at rest, with its mass."""
+    def at_rest_with_clamped_car(self, s_o: float) -> GalerkinSystem:
+        """The cable at rest with its mass at s_o, by the tension-only law if the model has it."""
         other = self.with_law("tension-only" if self.model == "full" else self.law)
         other.motion = rest_motion(s_o, 1.0)
         return other
+
+    def _unknowns_at_rest(self, s_o: float) -> Array:
+        return solve_equilibrium(self.at_rest_with_clamped_car(s_o))
 
     def _state_at_entry(self) -> State:
         """The limit t -> 0+; see README.md, "Start".
@@ -292,7 +294,8 @@ class GalerkinSystem(System):
             v_hat = d * ds_o
             a_hat = d * dds_o
         V = np.multiply.outer(v_hat, entrained.shape)  # (fields, n)
-        A = np.multiply.outer(a_hat, entrained.shape) - np.multiply.outer(2.0 * ds_o * v_hat, entrained.drag)
+        A = np.multiply.outer(a_hat, entrained.shape)
+        A -= np.multiply.outer(2.0 * ds_o * v_hat, entrained.drag)
         v[: self.n_modal] = V.ravel()
         a[: self.n_modal] = A.ravel()
         if self.path_form:
@@ -301,18 +304,20 @@ class GalerkinSystem(System):
 
     def _entrained_cable(self) -> EntrainedCable:
         """By the rows of phi in the limit: M0 v_phi + I v_hat = 0,  M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0."""
-        value, first, _ = (y[0] for y in self.basis.hat_overlaps_and_derivatives(np.array([0.0])))
-        rest, drag = np.linalg.solve(self.basis.basis.mass_matrix(), np.stack([value, first], axis=1)).T
-        m = 1.0 / 3.0 - value @ rest
-        b = 1.0 / 3.0 + 2.0 * value @ drag
+        overlap, derivative, _ = self.basis.hat_overlaps_and_derivatives(np.array([0.0]))[:, 0]
+        M = self.basis.basis.mass_matrix()
+        rest, drag = np.linalg.solve(M, np.stack([overlap, derivative], axis=1)).T
+        m = 1.0 / 3.0 - overlap @ rest
+        b = 1.0 / 3.0 + 2.0 * overlap @ drag
         return EntrainedCable(np.append(-rest, 1.0), np.append(drag, 0.0), m, b)
 
     def _slope_behind_at_entry(self, m: float, load: Array) -> Array:
         """d of m d + [N t - T t_static](X' + d) + load = 0 at the left support."""
 
         def linearise(d: Array) -> tuple[Array, Array]:
-            force, stiffness = self.cable.force_and_tangent(np.asarray(0.0), d)
-            return m * d + force + load, m * np.eye(self.fields) + stiffness
+            force, stiffness = self.cable.force_and_tangent_at_point(np.asarray(0.0), d)
+            r = m * d + force + load
+            return r, m * np.eye(self.fields) + stiffness
 
         d = solve_newton_dense(linearise, np.zeros(self.fields))
         if d is None:

@@ -5,7 +5,7 @@ From coefficients Q (fields, n), measured from the hanging cable, and `tables` =
     internal_force_and_tensions(tables, Q)  the internal force R (fields, n), and `tensions`;
     force_tensions_and_tangent(tables, Q)   the same two, and dR/dQ;
     min_tension_and_position(basis, tables, tensions)  the smallest mean tension over a shortest wave, and its s;
-    force_and_tangent(s, w_s)               the force of one point for w', and its derivative
+    force_and_tangent_at_point(s, w_s)      the force of one point for w', and its derivative
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class FullCable:
 
     def min_tension_and_position(self, basis: Any, points: kernels.Points, tensions: Any) -> tuple[float, float]:
         s_o = 1.0 / float(points.phi[-1, 0]) if basis.kink else 1.0  # 1: one side for all
-        return kernels.min_tension_and_position(points, s_o, tensions, int(basis.kink))
+        return kernels.smoothed_min_tension_and_position(points, s_o, tensions, int(basis.kink))
 
     def static_slope_and_curvature(self, s: Any) -> tuple[Array, Array]:
         """r' and r'' at rest."""
@@ -79,7 +79,7 @@ class FullCable:
         T, xp, yp = self.groups.tension_and_slope(s)
         return kernels.force_energy_and_tangent(T, np.array([xp, yp]), np.ascontiguousarray(w_s), self.alpha, self.law)
 
-    def force_and_tangent(self, s: Array, w_s: Array) -> tuple[Array, Array]:
+    def force_and_tangent_at_point(self, s: Array, w_s: Array) -> tuple[Array, Array]:
         """N t - T t_static (2,) at one s for w', and its derivative (2, 2) by w'."""
         _, _, fx, fy, xx, xy, yy, _ = self.force_energy_and_tangent_rows(np.atleast_1d(s), w_s[:, None])[:, 0]
         return np.array([fx, fy]), np.array([[xx, xy], [xy, yy]])
@@ -146,7 +146,7 @@ class ChordCable:
         """Distance at rest from the chord."""
         return np.asarray((-0.5 * self.curvature) * s * (1.0 - s))
 
-    def force_and_tangent(self, s: Array, w_s: Array) -> tuple[Array, Array]:
+    def force_and_tangent_at_point(self, s: Array, w_s: Array) -> tuple[Array, Array]:
         """T_chord w' and its derivative: one point adds nothing to the mean h."""
         return self.T_chord * w_s, np.full((*w_s.shape, 1), self.T_chord)
 

@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from cablefem.newmark import ACCELERATION_ONLY, NO_STEPS, Newton, Solve, State, TangentFactors, quasi_static_start
-from cablefem.newmark.equilibrium import solve_equilibrium, solve_equilibrium_on_haul_rope
+from cablefem.newmark.equilibrium import solve_equilibrium_on_haul_rope
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.motion import rest_motion
@@ -31,6 +31,9 @@ from galerkin.kernels.rolling import Car
 NO_BOUNDS = rolling.CarHistory(
     np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False
 )
+
+
+NO_ACCELERATION = rolling.MeanAcceleration(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class RollingSystem(RollingCar, GalerkinSystem):
@@ -56,7 +59,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
         self._past = np.empty((0, 3))  # rows t, p.
-        self._mean_acceleration = [0.0] * 5  # t, mean p.. and its rate
+        self._mean_acceleration = NO_ACCELERATION
         window = 0.3  # of an axial round trip: for the mean acceleration of friction
         self._window = window * self.round_trip
 
@@ -85,9 +88,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
         ax = ay = math.nan
         if self.free:
             against = -self.mode.slip_sign
-            since, ax, ay, jx, jy = self._mean_acceleration
-            ax = ax + (t - since) * jx
-            ay = ay + (t - since) * jy
+            mean = self._mean_acceleration
+            ax = mean.ax + (t - mean.t) * mean.jx
+            ay = mean.ay + (t - mean.t) * mean.jy
         else:
             speed = self.motion.position_with_rates(t, phase)[1]
             against = -math.copysign(1.0, speed)
@@ -103,7 +106,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
             ride = rolling.Ride(rolling.STUCK, held_loads, 0.0)
         r = np.empty(self.n_dof)
         none = np.empty((0, self.n_dof, self.n_dof))
-        return kernels.set_residual_and_derivatives(ride, sines, kinematics, np.array(x[1:4]), r, none)[0]
+        return kernels.set_residual_and_derivatives(ride, sines, kinematics, np.array(x[1:4]), r, none).car
 
     def _car_by_slopes_without_thrust(self, x: State) -> Car:
         """The car, by slopes of the basis and without thrust."""
@@ -120,10 +123,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
             return
         car = self._car_by_slopes_without_thrust(x)
         past = np.concatenate([self._past, [[x.t, car.vx, car.vy]]])
-        first, *self._mean_acceleration = rolling.row_time_mean_acceleration_and_rate(
-            past, 0, len(past) - 1, self._window
-        )
-        self._past = past[int(first) :]
+        self._mean_acceleration = rolling.mean_acceleration_and_rate(past, 0, len(past) - 1, self._window)
+        self._past = past[int(self._mean_acceleration.first) :]
 
     def hold_force(self, t: float) -> float:
         """F_hold on a free car at t; 0 on a hauled one."""
@@ -133,25 +134,24 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """Adds the power of each force on the car."""
         o = super().observe(states, s, frames)
         drive = self.drive
-        ds_o = self.mass_kinematics(states)[1]
+        _, ds_o, _ = self.mass_kinematics(states)
         F = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
         loads = rolling.CarLoads(self.mu, self.groups.sigma, drive.k, drive.wind)
-        velocity = o.path_velocity.T
         sides = np.array([o.slope_behind.T, o.slope_ahead.T])
-        car = rolling.car_from_motion(loads, F, velocity, o.path_acceleration.T, sides)
+        car = rolling.car_from_motion(loads, F, o.path_velocity.T, o.path_acceleration.T, sides)
         rate = np.abs(ds_o) * car.stretch
-        powers = {
-            "thrust" if self.free else "haul": F * (car.tx * velocity[0] + car.ty * velocity[1]),
-            "drag": car.drag_x * velocity[0] + car.drag_y * velocity[1],
-            "friction": -drive.mu_r * np.abs(car.pressing) * rate,
-        }
+        powers = {}
+        powers["thrust" if self.free else "haul"] = F * car.speed
+        powers["drag"] = car.drag_x * car.vx + car.drag_y * car.vy
+        powers["friction"] = -drive.mu_r * np.abs(car.pressing) * rate
         if self.free:
             hold = np.array([self.hold_force(t) for t in states.t.tolist()])
-            powers |= {"brake": -drive.brake_force(o.s_o) * rate, "hold": hold * ds_o}
+            powers["brake"] = -drive.brake_force(o.s_o) * rate
+            powers["hold"] = hold * ds_o
         powers |= o.powers
-        haul = F if drive.thrust_table or not self.free else o.haul
-        contact = -np.stack([car.Cx, car.Cy], axis=1)
         power = np.sum(list(powers.values()), axis=0)
+        contact = -np.stack([car.Cx, car.Cy], axis=1)
+        haul = F if drive.thrust_table or not self.free else o.haul
         return replace(o, contact=contact, haul=haul, power=power, powers=powers)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
@@ -167,8 +167,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
         derivatives = np.zeros((derivative_count, self.n_dof, self.n_dof))
         if 0.0 < self.position(x) < 1.0:  # else a trial off the cable
             ride, sines, kinematics = self._kernel_arguments(x)
-            arguments = ride, sines, kinematics, np.array(x[1:4])
-            _, self.min_tension_and_position = kernels.set_residual_and_derivatives(*arguments, r, derivatives)
+            state = np.array(x[1:4])
+            result = kernels.set_residual_and_derivatives(ride, sines, kinematics, state, r, derivatives)
+            self.min_tension_and_position = result.min_tension_and_position
         return r, derivatives
 
     def _kernel_arguments(self, x: State) -> tuple[rolling.Ride, kernels.CableSines, tuple[float, float, float]]:
@@ -184,26 +185,27 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _thrust(self, x: State) -> float:
         return float(self.drive.thrust(x.t, x.phase)) if self.free else 0.0
 
-    def _compiled_steps_without_events(
+    def _take_steps_without_events(
         self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
-    ) -> tuple[int, Array, Array]:
+    ) -> kernels.StepsTaken:
         ride, sines, kinematics = self._kernel_arguments(State(float(t[0]), start[0], start[1], start[2], phase))
         return kernels.solve_steps(ride, NO_BOUNDS, sines, np.array([kinematics]), start, rules, newton)
 
-    def _compiled_steps_until_event(
+    def _take_steps_until_event(
         self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
-    ) -> tuple[int, Array, Array]:
+    ) -> kernels.StepsTaken:
         """Steps end at an event, where the rules change, or where a hauled car turns."""
         drive = self.drive
         if not self.event_free_range_known or t[0] < drive.release:
-            return 0, *NO_STEPS
+            return kernels.StepsTaken(0, *NO_STEPS)
         ride, _, at_start = self._kernel_arguments(State(t[0], start[0], start[1], start[2], phase))
         if self.free:
             kinematics = np.array([at_start])
             sines = self._cable_sines_for_reach(at_start, float(rules[:, 0, 1].sum()))
         else:
             kinematics = np.ascontiguousarray(self.motion.positions_with_rates(t, phase).T)
-            turned = np.flatnonzero(np.signbit(kinematics[:, 1]) != np.signbit(kinematics[0, 1]))
+            backward = np.signbit(kinematics[:, 1])
+            turned = np.flatnonzero(backward != backward[0])
             before_turn = turned[0] if turned.size else t.size
             same, sines = next(self.runs_with_equal_quadrature(kinematics[:before_turn, 0]))
             t = t[same]
@@ -214,14 +216,16 @@ class RollingSystem(RollingCar, GalerkinSystem):
         history = rolling.CarHistory(
             t, thrust, past, self._window, mean_acceleration, *self.event_free_range(), self.mode.lifted_off
         )
-        taken, ends, results = kernels.solve_steps(ride, history, sines, kinematics, start, rules, newton)
-        if taken:
-            w = float(rules[taken - 1, 0, 4])
-            dt = float(rules[taken - 1, 0, 1])
-            self.events_from = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
+        taken = kernels.solve_steps(ride, history, sines, kinematics, start, rules, newton)
+        if taken.good:
+            last = taken.good - 1
+            w = float(rules[last, 0, 4])
+            dt = float(rules[last, 0, 1])
+            self.events_from = float(t[last]) + (1.0 - w + 1e-9) * dt
             if self.free:
-                self._past = past[int(mean_acceleration[0]) : len(past) - t.size + taken]
-        return taken, ends, results
+                first = int(mean_acceleration[0])
+                self._past = past[first : len(past) - t.size + taken.good]
+        return taken
 
     def _cable_sines_for_reach(self, kinematics: tuple[float, float, float], duration: float) -> kernels.CableSines:
         """The cable with rules for both sides wherever the car gets in this time at its present speed."""
@@ -241,19 +245,20 @@ class RollingSystem(RollingCar, GalerkinSystem):
         s_o = self.drive.start
         self.reset()
         self._past = np.empty((0, 3))
-        self._mean_acceleration = [0.0] * 5
+        self._mean_acceleration = NO_ACCELERATION
         if not self.free:
             speed = self.motion.position_with_rates(0.0, 0)[1]
-            return self.solve_acceleration(quasi_static_start(self, self._hauled_unknowns_at_rest, s_o, speed))
-        q = np.append(solve_equilibrium(self.with_clamped_car(s_o)), s_o)
+            x = quasi_static_start(self, self._hauled_unknowns_at_rest, s_o, speed)
+            return self.solve_acceleration(x)
+        q = np.append(self._unknowns_at_rest(s_o), s_o)
         still = np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
         car = self.car_by_equilibrium_tension(x, rolling.CarLoads(self.mu, self.groups.sigma, 0.0, 0.0))
         self.hold = car.needed_force_along_rope * car.stretch
         return self.release_car(x)
 
-    def with_clamped_car(self, s_o: float) -> GalerkinSystem:
-        """The cable at rest with the car clamped to it."""
+    def at_rest_with_clamped_car(self, s_o: float) -> GalerkinSystem:
+        """The cable at rest with the car clamped to it at s_o, by the tension-only law."""
         groups = replace(self.groups, motion=rest_motion(s_o, 1.0))
         return GalerkinSystem(groups, self.sines, kink=True, law="tension-only")
 
@@ -261,9 +266,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
         system = HauledCarAtRest(still, self.sines, law="tension-only")
-        return np.append(
-            solve_equilibrium_on_haul_rope(system, solve_equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0
-        )
+        q = solve_equilibrium_on_haul_rope(system, self._unknowns_at_rest(s_o))
+        return np.append(q[:-1], 0.0)
 
     def solve_acceleration(self, x: State) -> State:
         """The state with the accelerations that its balance needs."""
@@ -276,8 +280,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def car_forces(self, x: State) -> CarForces:
         """The larger normal force counts: the present one oscillates near a support, the mean one lags."""
         car = self._car_by_slopes_without_thrust(x)
-        along = self._thrust(x) + car.tx * car.drag_x + car.ty * (car.drag_y + self.mu * self.groups.sigma)
-        return CarForces(max(car.pressing, car.normal), car.speed, along, self.mu * self.groups.sigma * car.tx)
+        weight = self.mu * self.groups.sigma
+        along = self._thrust(x) + car.tx * car.drag_x + car.ty * (car.drag_y + weight)
+        return CarForces(max(car.pressing, car.normal), car.speed, along, weight * car.tx)
 
     def hold_and_normal_force(self, x: State) -> tuple[float, float]:
         car = self.car_by_equilibrium_tension(x)

@@ -322,7 +322,7 @@ class Daubechies:
         """A derivative of phi of this order, (n_s, n); primitives for a negative one."""
         return self._functions(s, derivative - 1)
 
-    def side_quadrature_with_slopes(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def quadrature_with_kinked_slopes(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points and weights (n_q,) of both sides of s_o; phi' and the hat's slope, (n + 1, n_q)."""
         left, w_left = self.quadrature(0.0, s_o)
         right, w_right = self.quadrature(s_o)

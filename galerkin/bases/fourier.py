@@ -100,10 +100,10 @@ def derivative_or_primitive_at_points(s: np.ndarray, n: int, grading: float, row
 
 
 @compiled
-def side_quadrature_with_slopes(
+def quadrature_with_kinked_slopes(
     s_o: float, behind: np.ndarray, ahead: np.ndarray, n: int, grading: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`Fourier.side_quadrature_with_slopes` with rules (2, m) on [0, 1], by k rotations of (cos, sin)."""
+    """`Fourier.quadrature_with_kinked_slopes` with rules (2, m) on [0, 1], by k rotations of (cos, sin)."""
     m = behind.shape[1]
     both = behind.shape[1] + ahead.shape[1]
     x_o = xi_of_s(s_o, grading)
@@ -168,7 +168,7 @@ class Fourier:
     def stiffness_matrix(self) -> np.ndarray:
         """int phi_m' phi_n' ds."""
         rule = self.gauss_rule_of_side(1.0)
-        _, weights, phi = side_quadrature_with_slopes(0.5, rule, rule, self.n, self.grading)
+        _, weights, phi = quadrature_with_kinked_slopes(0.5, rule, rule, self.n, self.grading)
         return (phi[:-1] * weights) @ phi[:-1].T
 
     def integrals(self) -> np.ndarray:
@@ -199,6 +199,6 @@ class Fourier:
         """Gauss points and weights on [0, 1] for a side of this length, (2, m)."""
         return _gauss_rule_on_unit_interval(20 + 16 * math.ceil(self.n * length_in_xi / 8.0))
 
-    def side_quadrature_with_slopes(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def quadrature_with_kinked_slopes(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points and weights (n_q,) of both sides of s_o; phi' and the hat's slope, (n + 1, n_q)."""
-        return side_quadrature_with_slopes(s_o, *self.gauss_rules_of_sides(s_o), self.n, self.grading)
+        return quadrature_with_kinked_slopes(s_o, *self.gauss_rules_of_sides(s_o), self.n, self.grading)

@@ -140,4 +140,4 @@ class KinkedBasis:
 
     def quadrature_with_slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         """Points (n_q,), weights and Phi' (n, n_q)."""
-        return self.basis.side_quadrature_with_slopes(s_o) if self.kink else self._slopes
+        return self.basis.quadrature_with_kinked_slopes(s_o) if self.kink else self._slopes

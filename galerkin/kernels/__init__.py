@@ -3,7 +3,18 @@
 phi (n, m): Phi' at the points; x: a `InertiaTerms`; Q, V, A (2, n): coefficients and rates.
 """
 
-from galerkin.kernels.cable import Cable, Points, force_energy_and_tangent, min_tension_and_position, set_stiffness
+from galerkin.kernels.cable import (
+    Cable,
+    Points,
+    force_energy_and_tangent,
+    set_stiffness,
+    smoothed_min_tension_and_position,
+)
 from galerkin.kernels.instant import CableSines
 from galerkin.kernels.rolling import MIN_TENSION
-from galerkin.kernels.steps import set_residual_and_derivatives, set_side_forces_and_strain_energies, solve_steps
+from galerkin.kernels.steps import (
+    StepsTaken,
+    set_residual_and_derivatives,
+    set_side_forces_and_strain_energies,
+    solve_steps,
+)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from galerkin.bases.fourier import side_quadrature_with_slopes, values_derivatives_primitives
+from galerkin.bases.fourier import quadrature_with_kinked_slopes, values_derivatives_primitives
 from galerkin.bases.kink import Array, InertiaTerms, inertia_terms_with_hat
 from galerkin.kernels.cable import Cable, Points, static_tension_and_slope
 from galerkin.law import inner
@@ -67,7 +67,7 @@ def mass_terms(sines: CableSines, kinematics: Kinematics) -> MassTerms:
 
 @inner
 def quadrature_points_at(sines: CableSines, s_o: float) -> Points:
-    s, weights, phi = side_quadrature_with_slopes(s_o, sines.behind, sines.ahead, sines.left.size, sines.grading)
+    s, weights, phi = quadrature_with_kinked_slopes(s_o, sines.behind, sines.ahead, sines.left.size, sines.grading)
     T, static_slope = static_tension_and_slope(s, sines.cable.sigma, sines.cable.c)
     return Points(s, phi, weights, T, static_slope)
 

@@ -30,7 +30,7 @@ FREE = 1
 HAULED = 2
 MIN_TENSION = 1e-3  # over H, of a taut cable
 STEP = 1e-6  # of difference quotients
-MIN_WINDOW = 6.0  # [steps] shortest window of `row_time_mean_acceleration_and_rate`
+MIN_WINDOW = 6.0  # [steps] shortest window of `mean_acceleration_and_rate`
 
 
 class CarLoads(NamedTuple):
@@ -82,14 +82,45 @@ class Car(NamedTuple):
 NO_CAR = Car(*(0.0,) * 14)
 
 
+class CarInputs(NamedTuple):
+    """What fixes the forces on a rolling car."""
+
+    at_mass: MassTerms
+    coefficients: Coefficients
+    side_forces: Array  # of `Workspace`
+    cable: Cable
+    loads: CarLoads
+    thrust: float  # or the haul force
+
+
+class CarMotion(NamedTuple):
+    """Motion of the car, and the cable beside it."""
+
+    velocity: Array  # p. (2,)
+    acceleration: Array  # p.. (2,)
+    slopes: Array  # r' of both sides (2, 2)
+    stretch_over_tension: Array  # lam/N of both sides (2,), 0 where slack
+
+
+class MeanAcceleration(NamedTuple):
+    """The car's mean acceleration over a window, and its rate."""
+
+    first: float  # first row of the velocities that is still wanted
+    t: float
+    ax: float  # at t
+    ay: float
+    jx: float
+    jy: float
+
+
 class CarHistory(NamedTuple):
     """A car between two events."""
 
     t: Array  # (m,) times at which the steps are balanced; (0,): one step without events
     thrust: Array  # (m,) there
-    past: Array  # (k + m, 3) for `row_time_mean_acceleration_and_rate`, m rows still empty
+    past: Array  # (k + m, 3) for `mean_acceleration_and_rate`, m rows still empty
     window: float
-    mean_acceleration: Array  # (6,) result of `row_time_mean_acceleration_and_rate` for the last step; zeros at first
+    mean_acceleration: Array  # (6,) `MeanAcceleration` for the last step; zeros at first
     low: float  # event: s_o leaves (low, high)
     high: float
     sign: float  # event: ds_o loses this sign; 0: it may turn
@@ -109,9 +140,10 @@ class Coefficients(NamedTuple):
 @inner
 def coefficients_of_state(state: Array, n: int) -> Coefficients:
     """Views of the state (3, n_dof)."""
-    return Coefficients(
-        state[0, : 2 * n].reshape(2, n), state[1, : 2 * n].reshape(2, n), state[2, : 2 * n].reshape(2, n)
-    )
+    Q = state[0, : 2 * n].reshape(2, n)
+    V = state[1, : 2 * n].reshape(2, n)
+    A = state[2, : 2 * n].reshape(2, n)
+    return Coefficients(Q, V, A)
 
 
 def car_from_motion(loads: CarLoads, thrust: Any, velocity: Any, acceleration: Any, slopes: Any) -> Car:
@@ -130,18 +162,21 @@ def car_from_motion(loads: CarLoads, thrust: Any, velocity: Any, acceleration: A
     x = velocity[0] - loads.wind
     y = velocity[1]
     air = -loads.drag * np.hypot(x, y)
-    Cx = loads.mu * acceleration[0] - thrust * tx - air * x
-    Cy = loads.mu * (acceleration[1] - loads.sigma) - thrust * ty - air * y
+    drag_x = air * x
+    drag_y = air * y
+    Cx = loads.mu * acceleration[0] - thrust * tx - drag_x
+    Cy = loads.mu * (acceleration[1] - loads.sigma) - thrust * ty - drag_y
     pressing = ty * Cx - tx * Cy
     cos_phi = size / stretch
     normal = pressing
     if not math.isnan(loads.ax):
-        normal = ty * (loads.mu * loads.ax - air * x) - tx * (loads.mu * (loads.ay - loads.sigma) - air * y)
-    defect = tx * Cx + ty * Cy - cos_phi * (loads.hold / stretch + loads.brake + loads.friction * np.abs(normal))
-    speed = tx * velocity[0] + ty * velocity[1]
-    return Car(
-        Cx, Cy, tx, ty, cos_phi, stretch, air * x, air * y, pressing, defect, speed, velocity[0], velocity[1], normal
-    )
+        normal = ty * (loads.mu * loads.ax - drag_x) - tx * (loads.mu * (loads.ay - loads.sigma) - drag_y)
+    resisting = loads.hold / stretch + loads.brake + loads.friction * np.abs(normal)
+    defect = tx * Cx + ty * Cy - cos_phi * resisting
+    vx = velocity[0]
+    vy = velocity[1]
+    speed = tx * vx + ty * vy
+    return Car(Cx, Cy, tx, ty, cos_phi, stretch, drag_x, drag_y, pressing, defect, speed, vx, vy, normal)
 
 
 compiled_car_from_motion = compiled(car_from_motion)
@@ -154,6 +189,12 @@ def stretch_over_tension_if_taut(force: Array, slope: Array, T: float, alpha: fl
     if not (N > MIN_TENSION and force[0] * slope[0] + force[1] * slope[1] > 0.0):
         return 0.0
     return (1.0 + (N - T) / alpha) / N
+
+
+@inner
+def side_length(at_mass: MassTerms, side: int) -> float:
+    """Length of the cable behind (0) or ahead (1) of the car."""
+    return at_mass.s_o if side == 0 else 1.0 - at_mass.s_o
 
 
 @inner
@@ -187,13 +228,12 @@ def car_velocity_acceleration_and_slopes(
 
 
 @inner
-def car_motion_equilibrium_slopes_and_ratios(
-    at_mass: MassTerms, coefficients: Coefficients, side_forces: Array, cable: Cable
-) -> tuple[Array, Array, Array, Array]:
-    """`car_velocity_acceleration_and_slopes` with r' by the tension from equilibrium, and lam/N of both sides (2,).
+def car_motion_by_equilibrium(inputs: CarInputs) -> CarMotion:
+    """`car_velocity_acceleration_and_slopes` with r' by the tension from equilibrium.
 
-    Slopes of sines are inaccurate on a short side.  side_forces : of `Workspace`
+    Slopes of sines are inaccurate on a short side.
     """
+    at_mass, coefficients, side_forces, cable, _, _ = inputs
     velocity, p, slopes = car_velocity_acceleration_and_slopes(at_mass, coefficients, cable.sigma)
     terms = at_mass.inertia
     ds_o = at_mass.ds_o
@@ -202,7 +242,8 @@ def car_motion_equilibrium_slopes_and_ratios(
     last = terms.f.size - 1
     force = np.empty(2)
     for side in range(2):
-        h, sign = (at_mass.s_o, 1.0) if side == 0 else (1.0 - at_mass.s_o, -1.0)
+        h = side_length(at_mass, side)
+        sign = 1.0 - 2.0 * side
         bends = sign * 2.0 * ds_o * ds_o / h - at_mass.dds_o - cable.damping * ds_o
         for a in range(2):
             force[a] = T * at_mass.slope[a] + side_forces[side, a] / h
@@ -214,7 +255,7 @@ def car_motion_equilibrium_slopes_and_ratios(
         if ratios[side] != 0.0:
             slopes[side, 0] = ratios[side] * force[0]
             slopes[side, 1] = ratios[side] * force[1]
-    return velocity, p, slopes, ratios
+    return CarMotion(velocity, p, slopes, ratios)
 
 
 @inner
@@ -228,13 +269,10 @@ def past_velocity_at(past: Array, first: int, t: float) -> tuple[float, float]:
 
 
 @compiled
-def row_time_mean_acceleration_and_rate(
-    past: Array, first: int, last: int, min_window: float
-) -> tuple[float, float, float, float, float, float]:
-    """The car's mean acceleration from its velocities over a window, and its rate.
+def mean_acceleration_and_rate(past: Array, first: int, last: int, min_window: float) -> MeanAcceleration:
+    """The car's mean acceleration at row `last`, from its velocities over a window before it, and its rate.
 
-    past : rows t and p.;  min_window : length of the window
-    Return the first row still wanted, t of the last, the acceleration then, and its rate.
+    past : rows t and p.;  min_window : length of the window;  first : row where the search for its begin starts
     """
     t = past[last, 0]
     window = max(min_window, MIN_WINDOW * (t - past[last - 1, 0])) if last > first else min_window
@@ -245,30 +283,36 @@ def row_time_mean_acceleration_and_rate(
         span = t - since if t > since else math.inf
         ax = (past[last, 1] - past[first, 1]) / span
         ay = (past[last, 2] - past[first, 2]) / span
-        return float(first), t, ax, ay, 0.0, 0.0
+        return MeanAcceleration(float(first), t, ax, ay, 0.0, 0.0)
     half = 0.5 * window
     ox, oy = past_velocity_at(past, first, t - window)
     mx, my = past_velocity_at(past, first, t - half)
-    ax = past[last, 1] - mx
-    ay = past[last, 2] - my
-    jx = mx - ox
-    jy = my - oy
-    jx = (ax - jx) / half**2
-    jy = (ay - jy) / half**2
-    return float(first), t, ax / half + 0.5 * half * jx, ay / half + 0.5 * half * jy, jx, jy
+    dx = past[last, 1] - mx
+    dy = past[last, 2] - my
+    jx = (dx - (mx - ox)) / half**2
+    jy = (dy - (my - oy)) / half**2
+    ax = dx / half + 0.5 * half * jx
+    ay = dy / half + 0.5 * half * jy
+    return MeanAcceleration(float(first), t, ax, ay, jx, jy)
 
 
 @inner
-def add_inertia_and_rolling_car(
-    at_mass: MassTerms, coefficients: Coefficients, side_forces: Array, cable: Cable, loads: CarLoads, thrust: float,
-    R: Array,
-) -> Car:  # fmt: skip
+def inputs_of_car(at_mass: MassTerms, ride: Ride, sines: CableSines, workspace: Workspace) -> CarInputs:
+    """`CarInputs` of the state that is balanced."""
+    coefficients = coefficients_of_state(workspace.balanced, at_mass.inertia.f.size)
+    thrust = workspace.balanced[2, -1] if ride.mode == HAULED else ride.thrust
+    return CarInputs(at_mass, coefficients, workspace.side_forces, sines.cable, ride.loads, thrust)
+
+
+@inner
+def add_inertia_and_rolling_car(inputs: CarInputs, R: Array) -> Car:
     """Add the cable's inertia and the car to R (2, n); return the car."""
-    velocity, p, slopes, _ = car_motion_equilibrium_slopes_and_ratios(at_mass, coefficients, side_forces, cable)
-    car = compiled_car_from_motion(loads, thrust, velocity, p, slopes)
-    p[0] = car.Cx
-    p[1] = car.Cy
-    add_inertia_and_mass_force(at_mass.inertia, coefficients, cable.damping, p, R)
+    x = car_motion_by_equilibrium(inputs)
+    car = compiled_car_from_motion(inputs.loads, inputs.thrust, x.velocity, x.acceleration, x.slopes)
+    C = np.empty(2)
+    C[0] = car.Cx
+    C[1] = car.Cy
+    add_inertia_and_mass_force(inputs.at_mass.inertia, inputs.coefficients, inputs.cable.damping, C, R)
     return car
 
 
@@ -287,12 +331,9 @@ def side_force_derivatives(phi: Array, gram: Array) -> Array:
 
 
 @inner
-def defect_derivatives_by_forces(
-    at_mass: MassTerms, coefficients: Coefficients, side_forces: Array, cable: Cable, loads: CarLoads, thrust: float,
-    defect: float,
-) -> Array:  # fmt: skip
-    """Derivative of the defect by the forces N t of both sides, (2, 2), by differences."""
-    velocity, p, slopes, ratios = car_motion_equilibrium_slopes_and_ratios(at_mass, coefficients, side_forces, cable)
+def defect_derivatives_by_forces(inputs: CarInputs, defect: float) -> Array:
+    """Derivative of the car's defect by the forces N t of both sides, (2, 2), by differences."""
+    velocity, p, slopes, ratios = car_motion_by_equilibrium(inputs)
     out = np.empty((2, 2))
     for side in range(2):
         rx = slopes[side, 0]
@@ -303,7 +344,7 @@ def defect_derivatives_by_forces(
             slopes[side, 0] = rx + STEP * turned * rx
             slopes[side, 1] = ry + STEP * turned * ry
             slopes[side, a] += STEP
-            moved = compiled_car_from_motion(loads, thrust, velocity, p, slopes)
+            moved = compiled_car_from_motion(inputs.loads, inputs.thrust, velocity, p, slopes)
             out[side, a] = ratios[side] * (moved.defect - defect) / STEP
         slopes[side, 0] = rx
         slopes[side, 1] = ry
@@ -321,19 +362,10 @@ def set_tangent_row_of_car(
     c0, c1, c2 = c
     terms = at_mass.inertia
     ds_o = at_mass.ds_o
-    n = at_mass.inertia.f.size
+    n = terms.f.size
     row = workspace.K[2 * n]
     sums = side_force_derivatives(now.points.phi, workspace.gram)
-    coefficients = coefficients_of_state(workspace.balanced, n)
-    by = defect_derivatives_by_forces(
-        at_mass,
-        coefficients,
-        workspace.side_forces,
-        sines.cable,
-        loads,
-        thrust_or_haul_force(ride, workspace),
-        car.defect,
-    )
+    by = defect_derivatives_by_forces(inputs_of_car(at_mass, ride, sines, workspace), car.defect)
     friction = 0.0
     if math.isnan(loads.ax):
         friction = car.cos_phi * math.copysign(loads.friction, loads.friction * car.pressing)
@@ -342,18 +374,14 @@ def set_tangent_row_of_car(
         for j in range(n):
             row[b * n + j] = along[b] * loads.mu * (c2 * terms.f[j] + c1 * terms.f_v[j] + c0 * terms.f_q[j])
         for side in range(2):
-            h, sign = (at_mass.s_o, 1.0) if side == 0 else (1.0 - at_mass.s_o, -1.0)
+            h = side_length(at_mass, side)
+            sign = 1.0 - 2.0 * side
             for j in range(n):
                 row[b * n + j] += (c2 + c1 * damping) * sign * by[side, b] * hat_overlap_on_side(terms, side, j)
                 for a in range(2):
                     row[b * n + j] += c0 / h * by[side, a] * sums[3 * side + a + b, j]
             bends = sign * 2.0 * ds_o * ds_o / h - at_mass.dds_o - damping * ds_o
             row[b * n + n - 1] += by[side, b] * (c0 * bends - c1 * 2.0 * ds_o) / 3.0
-
-
-@inner
-def thrust_or_haul_force(ride: Ride, workspace: Workspace) -> float:
-    return workspace.balanced[2, -1] if ride.mode == HAULED else ride.thrust
 
 
 @inner
@@ -365,15 +393,7 @@ def complete_residual_with_car(
     for a in range(2):
         for i in range(n):
             workspace.internal[a, i] = R[a, i]
-    car = add_inertia_and_rolling_car(
-        at_mass,
-        coefficients_of_state(workspace.balanced, n),
-        workspace.side_forces,
-        sines.cable,
-        ride.loads,
-        thrust_or_haul_force(ride, workspace),
-        R,
-    )
+    car = add_inertia_and_rolling_car(inputs_of_car(at_mass, ride, sines, workspace), R)
     workspace.r[2 * n] = sines.cable.mu * workspace.balanced[2, 2 * n] if ride.mode == STUCK else car.defect
     return car
 
@@ -406,10 +426,7 @@ def complete_tangent_with_car(
         h = STEP / (c1 + c2)
         R = np.zeros((2, n))
         moved = mass_terms(sines, (at_mass.s_o, at_mass.ds_o + h * c1, at_mass.dds_o + h * c2))
-        coefficients = coefficients_of_state(workspace.balanced, n)
-        other = add_inertia_and_rolling_car(
-            moved, coefficients, workspace.side_forces, sines.cable, ride.loads, ride.thrust, R
-        )
+        other = add_inertia_and_rolling_car(inputs_of_car(moved, ride, sines, workspace), R)
         K[last, last] = (other.defect - car.defect) / h
         for a in range(2):
             for i in range(n):
@@ -420,23 +437,24 @@ def complete_tangent_with_car(
 def car_by_slopes_without_thrust(loads: CarLoads, sines: CableSines, kinematics: Kinematics, state: Array) -> Car:
     """The car at a state, rows q, v, a, by the slopes of the basis and without thrust."""
     coefficients = coefficients_of_state(state, sines.left.size + 1)
-    velocity, p, slopes = car_velocity_acceleration_and_slopes(
-        mass_terms(sines, kinematics), coefficients, sines.cable.sigma
-    )
+    at_mass = mass_terms(sines, kinematics)
+    velocity, p, slopes = car_velocity_acceleration_and_slopes(at_mass, coefficients, sines.cable.sigma)
     return compiled_car_from_motion(loads, 0.0, velocity, p, slopes)
 
 
 @inner
-def ride_of_step(ride: Ride | None, history: CarHistory | None, rule: Array, i: int, car: Car) -> Ride | None:
+def update_history_return_ride(
+    ride: Ride | None, history: CarHistory | None, rule: Array, i: int, car: Car
+) -> Ride | None:
     """The `Ride` of step i; the velocity of a free car, `car` at the start of the step, is added to its history."""
     if ride is None or history is None or history.t.size == 0 or ride.mode == HAULED:
         return ride
     past = history.past
-    newest = history.past.shape[0] - history.t.size + i
+    newest = past.shape[0] - history.t.size + i
     past[newest, 0] = history.t[i] - rule[0, 4] * rule[0, 1]
     past[newest, 1] = car.vx
     past[newest, 2] = car.vy
-    mean = row_time_mean_acceleration_and_rate(past, int(history.mean_acceleration[0]), newest, history.window)
+    mean = mean_acceleration_and_rate(past, int(history.mean_acceleration[0]), newest, history.window)
     for k in range(6):
         history.mean_acceleration[k] = mean[k]
     return ride_at_time(ride, history.mean_acceleration, history.t[i], history.thrust[i])
@@ -458,7 +476,7 @@ def car_at_step_end(
 
 @inner
 def ride_at_time(ride: Ride, mean_acceleration: Array, t: float, thrust: float) -> Ride:
-    """`Ride` at t, with the mean acceleration (6,) of `row_time_mean_acceleration_and_rate` extrapolated to t."""
+    """`Ride` at t, with the mean acceleration, (6,) of `MeanAcceleration`, extrapolated to t."""
     d = t - mean_acceleration[1]
     loads = ride.loads
     ax = mean_acceleration[2] + d * mean_acceleration[4]
@@ -477,6 +495,7 @@ def has_event(ride: Ride | None, history: CarHistory | None, end: Array, car: Ca
     if ride.mode == HAULED:
         return False
     s_o, ds_o, _ = kinematics_of_free_car(end)
-    if not history.low < s_o < history.high or (history.sign != 0.0 and not history.sign * ds_o > 0.0):
-        return True
-    return not history.forward * car.speed > history.slow
+    leaves = not history.low < s_o < history.high
+    turns = history.sign != 0.0 and not history.sign * ds_o > 0.0
+    slow = not history.forward * car.speed > history.slow
+    return leaves or turns or slow

@@ -11,9 +11,9 @@ from galerkin.kernels import rolling
 from galerkin.kernels.cable import (
     Array,
     add_inertia_and_gripping_mass,
-    min_tension_and_position,
     set_forces_return_energy,
     set_tangent_with_gripping_mass,
+    smoothed_min_tension_and_position,
 )
 from galerkin.kernels.dense import allocate_lu_factors, set_lu_factors, solve_factored_in_place
 from galerkin.kernels.instant import (
@@ -59,14 +59,43 @@ class Step(NamedTuple):
     workspace: Workspace
 
 
+class CarAndMinTension(NamedTuple):
+    """The car in a state, if one rolls, and the smallest tension with its s."""
+
+    car: Car
+    min_tension_and_position: tuple[float, float]
+
+
+class StepOutcome(NamedTuple):
+    """How a step was solved."""
+
+    norm: float  # |r| at its end
+    iterations: int
+    factorisations: int
+    evaluations: int
+    min_tension: float
+    min_tension_at: float  # its s
+
+
+class StepsTaken(NamedTuple):
+    """Steps up to one that fails, falls slack or ends in an event."""
+
+    good: int  # number of those that converged
+    ends: Array  # (m, 3, n_dof)
+    outcomes: Array  # (m, 6) of `StepOutcome`, NaN after the last
+
+
 @inner
 def allocate_workspace(size: int, sines: CableSines) -> Workspace:
     m = sines.behind.shape[1] + sines.ahead.shape[1]
     n = sines.left.size + 1
-    return Workspace(
-        np.empty((3, size)), np.empty(size), np.empty((2, n)), np.empty((3, m)), np.empty(m), np.empty((2, 2)),
-        np.empty((size, size)), allocate_lu_factors(size), np.empty(size),
-    )  # fmt: skip
+    balanced = np.empty((3, size))
+    internal = np.empty((2, n))
+    gram = np.empty((3, m))
+    side_forces = np.empty((2, 2))
+    K = np.empty((size, size))
+    factors = allocate_lu_factors(size)
+    return Workspace(balanced, np.empty(size), internal, gram, np.empty(m), side_forces, K, factors, np.empty(size))
 
 
 @inner
@@ -106,11 +135,10 @@ def set_residual_return_car(now: Instant, ride: Ride | None, sines: CableSines, 
 @compiled
 def set_residual_and_derivatives(
     ride: Ride | None, sines: CableSines, kinematics: Kinematics, state: Array, r: Array, derivatives: Array
-) -> tuple[Car, tuple[float, float]]:
+) -> CarAndMinTension:
     """Set r (n_dof,), and the first len(derivatives) of dr/dq, dr/dv, dr/da, each (n_dof, n_dof).
 
     state : rows q, v, a
-    Return the car, the smallest tension and its s.
     """
     workspace = allocate_workspace(state.shape[1], sines)
     now = instant_at(sines, kinematics)
@@ -121,7 +149,8 @@ def set_residual_and_derivatives(
         c = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
         set_tangent(now, ride, sines, workspace, car, c)
         copy_into(workspace.K, derivatives[k])
-    return car, min_tension_and_position(now.points, kinematics[0], workspace.tensions)
+    lowest = smoothed_min_tension_and_position(now.points, kinematics[0], workspace.tensions)
+    return CarAndMinTension(car, lowest)
 
 
 @inner
@@ -200,11 +229,8 @@ def correct_end_until_residual_falls(
 
 
 @inner
-def solve_step(now: Instant, step: Step, newton: Newton) -> tuple[float, int, int, int, float, float]:
-    """Solve one step for its end, like `cablefem.newmark.find_root`.
-
-    Return |r|, counts of iterations, factorisations, evaluations, the smallest tension and its s.
-    """
+def solve_step(now: Instant, step: Step, newton: Newton) -> StepOutcome:
+    """Solve one step for its end, like `cablefem.newmark.find_root`."""
     rule = step.rule
     workspace = step.workspace
     c = rule[0, 4] * rule[0, 3], rule[1, 4] * rule[1, 3], rule[2, 4] * rule[2, 3]
@@ -215,7 +241,7 @@ def solve_step(now: Instant, step: Step, newton: Newton) -> tuple[float, int, in
     evaluations = 0
     before = math.inf
     if math.isnan(norm):
-        return norm, 1, 0, 1, math.inf, 0.0
+        return StepOutcome(norm, 1, 0, 1, math.inf, 0.0)
     while iterations == 0 or (newton.bound < norm < math.inf and iterations < newton.max_iter):
         if iterations == 0 or norm > newton.reuse * before:
             factorisations += 1
@@ -227,8 +253,8 @@ def solve_step(now: Instant, step: Step, newton: Newton) -> tuple[float, int, in
         now, car, norm, tried = correct_end_until_residual_falls(now, step, newton, before, iterations)
         evaluations += tried
         iterations += 1
-    lowest, where = min_tension_and_position(now.points, now.at_mass.s_o, workspace.tensions)
-    return norm, iterations, factorisations, evaluations, lowest, where
+    lowest, where = smoothed_min_tension_and_position(now.points, now.at_mass.s_o, workspace.tensions)
+    return StepOutcome(norm, iterations, factorisations, evaluations, lowest, where)
 
 
 @inner
@@ -245,16 +271,15 @@ def car_at_start(
 def solve_steps(
     ride: Ride | None, history: CarHistory | None, sines: CableSines, kinematics: Array, start: Array, rules: Array,
     newton: Newton,
-) -> tuple[int, Array, Array]:  # fmt: skip
+) -> StepsTaken:  # fmt: skip
     """Take m steps, up to one that fails, falls slack or ends in an event of the `CarHistory`.
 
     kinematics : (m, 3) s_o, ds_o, dds_o;  for a free car (1, 3), those at the start
-    Return the number of good steps, their ends (m, 3, n_dof), and results of `solve_step` (m, 6).
     """
     m = rules.shape[0]
     size = start.shape[1]
     ends = np.empty((m, 3, size))
-    results = np.full((m, 6), math.nan)
+    outcomes = np.full((m, 6), math.nan)
     workspace = allocate_workspace(size, sines)
     now = instant_at(sines, kinematics_in_row(kinematics, 0))
     car = car_at_start(ride, history, sines, kinematics, start)
@@ -263,13 +288,18 @@ def solve_steps(
         begin = start if i == 0 else ends[i - 1]
         if i > 0 and has_prescribed_position(ride):
             now = instant_at(sines, kinematics_in_row(kinematics, i))
-        ride_now = rolling.ride_of_step(ride, history, rule, i, car)
-        result = solve_step(now, Step(ride_now, sines, begin, ends[i], rule, workspace), newton)
-        results[i, 0], results[i, 1], results[i, 2], results[i, 3], results[i, 4], results[i, 5] = result
-        slack = sines.cable.slack_ends and not result[4] >= 0.0
-        if slack or not result[0] <= newton.bound:
-            return i, ends, results
+        ride_now = rolling.update_history_return_ride(ride, history, rule, i, car)
+        outcome = solve_step(now, Step(ride_now, sines, begin, ends[i], rule, workspace), newton)
+        outcomes[i, 0] = outcome.norm
+        outcomes[i, 1] = outcome.iterations
+        outcomes[i, 2] = outcome.factorisations
+        outcomes[i, 3] = outcome.evaluations
+        outcomes[i, 4] = outcome.min_tension
+        outcomes[i, 5] = outcome.min_tension_at
+        slack = sines.cable.slack_ends and not outcome.min_tension >= 0.0
+        if slack or not outcome.norm <= newton.bound:
+            return StepsTaken(i, ends, outcomes)
         car = rolling.car_at_step_end(ride, history, sines, kinematics, rule, i, ends[i])
         if rolling.has_event(ride, history, ends[i], car):
-            return i, ends, results
-    return m, ends, results
+            return StepsTaken(i, ends, outcomes)
+    return StepsTaken(m, ends, outcomes)

@@ -108,7 +108,7 @@ def paper_basis_functions(p, level, s, derivative=0):
 
 def quadrature_of_sides(basis, cut):
     """The rules on both sides of a mass."""
-    s, w, _ = basis.side_quadrature_with_slopes(cut)
+    s, w, _ = basis.quadrature_with_kinked_slopes(cut)
     left = s < cut
     return (s[left], w[left]), (s[~left], w[~left])
 
@@ -221,7 +221,7 @@ def test_functions_vanish_at_both_supports(basis: Basis):
 
 @pytest.mark.parametrize("basis", [*BASES, Fourier(1), Fourier(400)], ids=repr)
 def test_slopes_on_both_sides_of_a_mass_are_the_slopes(basis: Basis):
-    s, _, table = basis.side_quadrature_with_slopes(0.371)
+    s, _, table = basis.quadrature_with_kinked_slopes(0.371)
     slopes = basis.phi(s, 1)
     np.testing.assert_allclose(table[:-1].T, slopes, rtol=0.0, atol=1e-14 * basis.n * np.abs(slopes).max())
 
