@@ -1,5 +1,6 @@
 """A step of Newmark's family with generalised-alpha."""
 
+import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -52,11 +53,11 @@ class NewmarkRule(Stepper):
         without_event = n
         if self.system.events:
             without_event = int(np.searchsorted(block.t, self.system.events_from, side="right"))
-        begin_groups = [0, *range(max(1, without_event), n)]
-        for first, end in zip(begin_groups, [*begin_groups[1:], n], strict=True):
+        group_edges = [0, *range(max(1, without_event), n), n]
+        for first, end in itertools.pairwise(group_edges):
             if end > first:
-                iterations, factorisations, residuals = results[first:end, 1:4].sum(axis=0).astype(int).tolist()
-                self.count_work(iterations, factorisations, residuals)
+                work = results[first:end, 1:4].sum(axis=0).astype(int)
+                self.count_work(*work.tolist())
                 yield block[first:end]
 
     def __call__(self, x: State, t1: float) -> State:

@@ -47,17 +47,20 @@ def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Sc
     gauss              fourth order, keeps quadratic energies.
     central-difference second order; stable for dt < 2/omega_max.
     """
-    if name not in SCHEMES:
-        raise ValueError(f"unknown scheme {name!r}; one of {', '.join(SCHEMES)}")
-    alpha_m = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0)
-    alpha_f = rho_inf / (rho_inf + 1.0)
-    a = alpha_m - alpha_f
-    g = newmark_gamma
-    return {
-        "trapezoidal": Scheme(name),
-        "newmark": Scheme(name, 0.25 * (g + 0.5) ** 2, g),
-        "generalized-alpha": Scheme(name, 0.25 * (1.0 - a) ** 2, 0.5 - a, alpha_m, alpha_f),
-        "radau": Scheme(name, nodes=RADAU),
-        "gauss": Scheme(name, nodes=GAUSS),
-        "central-difference": Scheme(name, newmark_beta=0.0),
-    }[name]
+    match name:
+        case "trapezoidal":
+            return Scheme(name)
+        case "newmark":
+            return Scheme(name, 0.25 * (newmark_gamma + 0.5) ** 2, newmark_gamma)
+        case "generalized-alpha":
+            alpha_m = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0)
+            alpha_f = rho_inf / (rho_inf + 1.0)
+            a = alpha_m - alpha_f
+            return Scheme(name, 0.25 * (1.0 - a) ** 2, 0.5 - a, alpha_m, alpha_f)
+        case "radau":
+            return Scheme(name, nodes=RADAU)
+        case "gauss":
+            return Scheme(name, nodes=GAUSS)
+        case "central-difference":
+            return Scheme(name, newmark_beta=0.0)
+    raise ValueError(f"unknown scheme {name!r}; one of {', '.join(SCHEMES)}")

@@ -25,7 +25,8 @@ def step_times_by_phase(
         uniform = t1 - t0 - float(begin.sum() + end.sum())
         count = max(2, round(uniform / dt))
         inner = np.full(count, max(uniform / count, dt))
-        grid = np.concatenate([[0.0], np.cumsum(np.concatenate([begin, inner, end[::-1]]))])
+        lengths = np.concatenate([begin, inner, end[::-1]])
+        grid = np.concatenate([[0.0], np.cumsum(lengths)])
         grid = t0 + (t1 - t0) * (grid / grid[-1])
         grid[-1] = t1
         grids.append(grid)

@@ -43,19 +43,18 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
     for j, x in enumerate(c):
         others = np.delete(c, j)
         basis.append(Polynomial.fromroots(others) / np.prod(x - others))
-    A = np.array([p.integ()(x) for x in c for p in basis]).reshape(c.size, c.size)
+    A = np.array([[p.integ()(x) for p in basis] for x in c])
     b = np.array([p.integ()(1.0) for p in basis])
-    values, vectors = np.linalg.eig(A)
-    one_of_pair = values.imag >= 0.0
-    both = np.where(values.imag > 0.0, 2.0, 1.0)
+    ends = np.stack([b @ A, b])
+    eigenvalues, vectors = np.linalg.eig(A)
+    one_of_pair = eigenvalues.imag >= 0.0
+    to_modes = np.linalg.inv(vectors)[one_of_pair]
+    count = np.where(eigenvalues.imag > 0.0, 2.0, 1.0)  # for a pair one vector, twice
+    from_modes = np.ascontiguousarray((count * vectors)[:, one_of_pair].astype(complex))
+    middle = int(np.argmin(np.abs(c - 0.5)))
     l0, l1, l2 = (np.array([p.integ(k, lbnd=1.0).coef for p in basis]).T for k in range(3))
-    return Tableau(
-        c=c, A=A, AA=A @ A, ends=np.stack([b @ A, b]),
-        eigenvalues=values[one_of_pair].astype(complex),
-        to_modes=np.linalg.inv(vectors)[one_of_pair].astype(complex),
-        from_modes=np.ascontiguousarray((both * vectors)[:, one_of_pair].astype(complex)),
-        middle=int(np.argmin(np.abs(c - 0.5))), powers=(l0, l1, l2),
-    )  # fmt: skip
+    modes = (eigenvalues[one_of_pair].astype(complex), to_modes.astype(complex), from_modes)
+    return Tableau(c, A, A @ A, ends, *modes, middle, (l0, l1, l2))
 
 
 @lru_cache(maxsize=256)
@@ -78,10 +77,12 @@ def with_states_inside_steps(states: Sequence[State], count_per_step: int) -> li
 
 def state_inside_step(after: Collocated, t: float) -> State:
     """The state at t inside the collocation step that ends in `after`, by its polynomial."""
-    nodes, dt, a = after.inside
+    nodes, dt, accelerations = after.inside
     x = (t - after.t) / dt + 1.0
-    l0, l1, l2 = (polynomial.polyval(x, p) @ a for p in tableau(nodes).powers)
-    return State(t, after.q + dt * (x - 1.0) * after.v + dt * dt * l2, after.v + dt * l1, l0, after.phase)
+    a, once, twice = (polynomial.polyval(x, p) @ accelerations for p in tableau(nodes).powers)
+    q = after.q + dt * (x - 1.0) * after.v + dt * dt * twice
+    v = after.v + dt * once
+    return State(t, q, v, a, after.phase)
 
 
 def interpolate_hermite(x: Any, dt: Any, before: Any, after: Any) -> tuple[Array, Array]:

@@ -360,7 +360,7 @@ class Line(Described):
         """Saddle on whose shoe a car at x [m] rests."""
         return next((c for c in self.contact if c.shoe is not None and abs(x - c.at[0]) <= c.shoe), None)
 
-    def reference_case(self, length: float | None) -> Case:
+    def empty_line_case(self, length: float | None) -> Case:
         """The empty rope at the reference temperature, without ice; with the tension that is given for it."""
         stations = self._contact_stations()
         rope = self.cable
@@ -378,20 +378,19 @@ class Line(Described):
         stations = self._contact_stations()
         rope = self.cable
         positions = {car.name: self.position_of(car, i) for car in self._cars_off_shoes(i)}
-        positions |= dict([car_on_rope_at_x] if car_on_rope_at_x else [])
+        if car_on_rope_at_x:
+            name, x = car_on_rope_at_x
+            positions[name] = x
         for car in self.car:
             if car.name in positions:
-                stations.append(self._car_station(car, positions[car.name]))
+                kind = "hauled" if car.hauled else "grips"
+                stations.append(Station(car.name, kind, positions[car.name], math.nan, car.mass * self.gravity))
         stations.sort(key=lambda p: p.x)
         weight = (rope.mass_per_length + rope.ice_mass_per_length) * self.gravity
         return Case(tuple(stations), weight, rope.EA, 1.0 + rope.thermal_strain, length)
 
     def _contact_stations(self) -> list[Station]:
         return [Station(c.name, c.kind, *c.at, force=c.tension or 0.0, stiffness=c.stiffness) for c in self.contact]
-
-    def _car_station(self, car: Car, x: float) -> Station:
-        kind = "hauled" if car.hauled else "grips"
-        return Station(car.name, kind, x, math.nan, car.mass * self.gravity)
 
     def _cars_off_shoes(self, i: int) -> list[Car]:
         """Cars that hang on the rope at position i."""
@@ -406,7 +405,7 @@ class Line(Described):
 
     def solve_empty_line(self, solve: Solver) -> LineState:
         """The line without cars, ice and heat, s from its left end; SceneError where it has no rest."""
-        case = self.reference_case(self.cable.length)
+        case = self.empty_line_case(self.cable.length)
         result = solve([case])[0]
         if isinstance(result, NoLineAtRest):
             raise SceneError([f"the empty line: {result}{needed_counterweight_text([case], solve)}"])
@@ -418,7 +417,7 @@ class Line(Described):
     def fixed_end_length(self, empty: LineState) -> float | None:
         """s [m] of a fixed right end; None at a counterweight."""
         if self.contact[-1].kind == "counterweight":
-            return self.cable.length
+            return None
         return self.cable.length or float(empty.s[-1])
 
     def solve_at_rest(self, solve: Solver, refused: Mapping[int, NoLineAtRest] | None = None) -> LineRest:
@@ -435,15 +434,19 @@ class Line(Described):
         on_shoes = self._saddles_under_cars(tried)
         cases = [self.case_at_position(i, length) for i in tried]
         for (i, name), saddle in on_shoes.items():
-            x, reach = saddle.at[0], saddle.shoe or 0.0
-            cases += [self.case_at_position(i, length, (name, end)) for end in (x - reach, x + reach)]
+            x = saddle.at[0]
+            shoe = saddle.shoe or 0.0
+            cases += [self.case_at_position(i, length, (name, end)) for end in (x - shoe, x + shoe)]
         states = list(map(_refused_if_unsound, solve(cases) if cases else []))
-        loaded = map(self._with_loads_in_reason, states, tried)
-        positions = dict(refused) | dict(zip(tried, loaded, strict=True))
         at_ends = states[len(tried) :]
-        shoe_ends = dict(zip(on_shoes, zip(at_ends[::2], at_ends[1::2], strict=True), strict=True))
+        pairs = zip(at_ends[::2], at_ends[1::2], strict=True)
+        shoe_ends = dict(zip(on_shoes, pairs, strict=True))
+        positions = dict(refused)
+        for i, state in zip(tried, states, strict=False):
+            positions[i] = self._with_loads_in_reason(state, i)
         positions |= _refused_on_shoes(positions, on_shoes, shoe_ends)
-        return LineRest(self, empty, [positions[i] for i in range(self.position_count)], _sound_shoe_ends(shoe_ends))
+        in_order = [positions[i] for i in range(self.position_count)]
+        return LineRest(self, empty, in_order, _sound_shoe_ends(shoe_ends))
 
     def _with_loads_in_reason(self, state: LineState | NoLineAtRest, i: int) -> LineState | NoLineAtRest:
         """Add to a search without result what the rope has to carry at position i, and what holds it."""
