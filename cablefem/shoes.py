@@ -33,14 +33,14 @@ class Passage(NamedTuple):
     def __str__(self) -> str:
         return f"{self.car} {self.action} {self.saddle.name}"
 
-    def distance_to_go(self, x: float, dx: float) -> float:
-        """[m] from x with the velocity dx to this passage; inf: not that way."""
+    def distance_to_go(self, x: float, velocity: float) -> float:
+        """[m] from x to this passage; inf: not that way."""
         shoe = self.saddle.shoe or 0.0
         offset = x - self.saddle.point[0]
-        outwards = offset * dx  # > 0: away from the saddle
+        outwards = offset * velocity  # > 0: away from the saddle
         match self.action:
             case "takes the rope behind":
-                return TIP * shoe - math.copysign(offset, offset * dx)
+                return TIP * shoe - math.copysign(offset, outwards)
             case "lands on the shoe of":
                 to_go = abs(offset) - shoe
             case "leaves the rope at":

@@ -48,7 +48,7 @@ class Mode:
     sticks: bool = False
     heading: float = 1.0  # sign of the slip
     forward: float = 0.0  # sign of the speed, 0 at first
-    brakes: int = 0  # number reached
+    brakes_reached: int = 0
     lifted_off: bool = False
     awaits_waves: bool = False  # see `release_car`
     slow_at: float = math.inf  # where, and since when, it is slower than `Drive.rest_speed`
@@ -92,7 +92,7 @@ class RollingCar(System):
         raise NotImplementedError
 
     def reset(self) -> None:
-        self.mode = Mode(brakes=sum(position <= self.drive.start for position, _ in self.drive.brakes))
+        self.mode = Mode(brakes_reached=sum(position <= self.drive.start for position, _ in self.drive.brakes))
         self.events_from = -math.inf
         self._last_event_values: tuple[State, tuple[float, ...]] | None = None
 
@@ -107,12 +107,12 @@ class RollingCar(System):
 
     @property
     def friction_or_brake_acts(self) -> bool:
-        return self.drive.mu_r > 0.0 or self.mode.brakes > 0
+        return self.drive.mu_r > 0.0 or self.mode.brakes_reached > 0
 
     @property
     def brake_force(self) -> float:
         """Force of the brakes that the car has reached."""
-        return sum([force for _, force in self.drive.brakes[: self.mode.brakes]], 0.0) if self.mode.brakes else 0.0
+        return sum([force for _, force in self.drive.brakes[: self.mode.brakes_reached]], 0.0)
 
     def max_resistance(self, normal_force: float) -> float:
         """Largest force of friction and brakes."""
@@ -148,14 +148,14 @@ class RollingCar(System):
         if not self.free:
             return
         mode = self.mode
-        s_o, slip = (float(x.q[-1]), float(x.v[-1]))
+        slip = float(x.v[-1])
         if mode.awaits_waves:
             turned = mode.heading * self.car_forces(x).speed < -self.drive.rest_speed
             answered = x.t >= max(self.drive.start, 1.0 - self.drive.start) * self.round_trip
             if turned or (answered and mode.heading * slip > 0.0):
                 self._stop_awaiting_waves(slip)
         if self._moves_too_far_for_rest(x):
-            mode.slow_at = s_o
+            mode.slow_at = float(x.q[-1])
             mode.slow_since = x.t
             self._last_event_values = None
 
@@ -176,7 +176,7 @@ class RollingCar(System):
         if name == "breaking loose":
             return self._start_slipping(x)
         if name in ("brake", "brake off"):
-            mode.brakes += 1 if name == "brake" else -1
+            mode.brakes_reached += 1 if name == "brake" else -1
             self._stop_awaiting_waves(float(x.v[-1]))  # it may stop the car
             return self.solve_acceleration(x)
         if name == "turn":
@@ -219,7 +219,7 @@ class RollingCar(System):
 
     def _position_event_values(self, s_o: float) -> tuple[float, float, float, float]:
         drive = self.drive
-        n = self.mode.brakes
+        n = self.mode.brakes_reached
         mode = self.mode
         turns_at_standstill_only = self.friction_or_brake_acts and not mode.awaits_waves
         direction = mode.heading if turns_at_standstill_only else 0.0
@@ -228,8 +228,8 @@ class RollingCar(System):
         return ahead, back, drive.end_position - s_o, s_o - drive.rollback_end_position
 
     def _moves_too_far_for_rest(self, x: State) -> bool:
-        mode = self.mode
-        return abs(float(x.q[-1]) - mode.slow_at) > self.drive.rest_speed * max(self.round_trip, x.t - mode.slow_since)
+        moved = abs(float(x.q[-1]) - self.mode.slow_at)
+        return moved > self.drive.rest_speed * max(self.round_trip, x.t - self.mode.slow_since)
 
     def _time_to_stop_event(self, x: State) -> float:
         """Time until the car has been slow, and held, for an axial round trip of the last phase."""
@@ -243,7 +243,7 @@ class RollingCar(System):
         """Fraction of the equal step that the next one may have, see `System.step_fraction`."""
         mode = self.mode
         slip = x.v.item(-1)
-        holds = self.drive.has_friction_or_brakes and (mode.brakes > 0 or mode.sticks)
+        holds = self.drive.has_friction_or_brakes and (mode.brakes_reached > 0 or mode.sticks)
         short_after_jumps = self.short_steps_after_jumps or self.drive.has_friction_or_brakes
         forward = mode.forward if short_after_jumps else 0.0
         since_jump = since_event if short_after_jumps else math.inf
@@ -262,7 +262,7 @@ class RollingCar(System):
         mode = self.mode
         drive = self.drive
         positions = (0.0, *(position for position, _ in drive.brakes), 1.0)
-        n = mode.brakes
+        n = mode.brakes_reached
         low = max(drive.rollback_end_position, positions[n])
         high = min(drive.end_position, positions[n + 1])
         slip_sign = mode.heading if self.friction_or_brake_acts else 0.0

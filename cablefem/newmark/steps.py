@@ -34,7 +34,7 @@ def step_times_by_phase(
     return grids
 
 
-def _growing_step_lengths(dt: float, fraction: float) -> Array:
-    """Steps that grow from `fraction` dt to dt."""
-    count = math.ceil(-math.log(fraction) / math.log(GROWTH))
-    return np.minimum(dt, fraction * dt * GROWTH ** np.arange(count))
+def _growing_step_lengths(dt: float, first_fraction: float) -> Array:
+    """Steps that grow from `first_fraction` dt to dt."""
+    count = math.ceil(-math.log(first_fraction) / math.log(GROWTH))
+    return np.minimum(dt, first_fraction * dt * GROWTH ** np.arange(count))

@@ -116,11 +116,13 @@ class Ride:
     def position_and_speed(self, t: Any) -> tuple[np.ndarray, np.ndarray]:
         """(s_o, ds_o) at times t."""
         t = np.clip(np.asarray(t, dtype=float), 0.0, self.duration)
-        which = np.clip(np.searchsorted([t0 for t0, _, _ in self.sections], t, side="right") - 1, 0, None)
+        begins = [t0 for t0, _, _ in self.sections]
+        which = np.clip(np.searchsorted(begins, t, side="right") - 1, 0, None)
         out = np.empty((2, *t.shape))
         for k in np.unique(which):
             inside = which == k
-            out[:, inside] = self.sections[k][2](t[inside])
+            _, _, solution = self.sections[k]
+            out[:, inside] = solution(t[inside])
         return out[0], out[1]
 
     def point_speed(self, t: Any) -> np.ndarray:
@@ -140,13 +142,13 @@ class ForceBalance(NamedTuple):
     """Of a car at an instant."""
 
     free: float  # force without friction
-    normal_load: float  # without brakes
+    normal_load: float  # contact force normal to the path
     inertia: float  # mu |P'|^2
     stretch: float  # <lam>
 
 
 class QuasiStaticForces:
-    """Forces on a car on a load path; `brakes` counts those reached."""
+    """Forces on a car on a load path."""
 
     def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive) -> None:
         self.path = path
@@ -155,7 +157,8 @@ class QuasiStaticForces:
         self.drive = drive
         self.start_hold = path(drive.start)[4]
         self.brake_positions = [position for position, _ in drive.brakes]
-        self.brake_force = [0.0, *np.cumsum([force for _, force in drive.brakes]).tolist()]
+        forces = [force for _, force in drive.brakes]
+        self.brake_force = [0.0, *np.cumsum(forces).tolist()]  # by number of brakes reached
 
     def force_balance(self, t: float, s: float, v: float, phase: int) -> ForceBalance:
         """Forces on the car at s with the speed v = ds."""
@@ -176,25 +179,25 @@ class QuasiStaticForces:
         free = along - hold + drive.remaining_hold_fraction(t) * self.start_hold - mu * (px * bx + py * by) * v * v
         return ForceBalance(free, normal, mu * p2, stretch)
 
-    def excess_force(self, t: float, s: float, phase: int, brakes: int) -> float:
+    def excess_force(self, t: float, s: float, phase: int, brakes_reached: int) -> float:
         """Signed force beyond what friction and brakes hold; else 0."""
         free, normal, _, stretch = self.force_balance(t, s, 0.0, phase)
-        resistance = stretch * (self.drive.mu_r * normal + self.brake_force[brakes]) + STICKS
+        resistance = stretch * (self.drive.mu_r * normal + self.brake_force[brakes_reached]) + STICKS
         return math.copysign(max(0.0, abs(free) - resistance), free)
 
-    def departure_time_and_phase(self, t: float, s: float, phase: int, brakes: int) -> tuple[float, int] | None:
+    def departure_time_and_phase(self, t: float, s: float, phase: int, brakes_reached: int) -> tuple[float, int] | None:
         """When and in which phase a car at rest begins to move; None: never."""
         phases = self.drive.phases
         for k in range(phase, len(phases)):
             t0 = max(t, phases[k][0])
             t1 = phases[k][1]
-            if self.excess_force(t0, s, k, brakes):
+            if self.excess_force(t0, s, k, brakes_reached):
                 return t0, k
             if not math.isfinite(t1):
                 continue
 
             def excess(t: float, k: int = k) -> float:
-                return abs(self.excess_force(t, s, k, brakes)) - 1e-300
+                return abs(self.excess_force(t, s, k, brakes_reached)) - 1e-300
 
             for a, b in itertools.pairwise(np.linspace(t0, t1, 33)):
                 if excess(b) > 0.0:
@@ -210,10 +213,10 @@ class QuasiStaticForces:
         inside = [s for s in (*self.path.s[::8].tolist(), *self.brake_positions) if low < s < high]
         out: list[tuple[float, int]] = []
         for a, b in itertools.pairwise(sorted({low, high, *inside})):
-            brakes = bisect.bisect_right(self.brake_positions, a)
+            brakes_reached = bisect.bisect_right(self.brake_positions, a)
 
-            def sign(s: float, brakes: int = brakes) -> int:
-                force = self.excess_force(t, s, last, brakes)
+            def sign(s: float, brakes_reached: int = brakes_reached) -> int:
+                force = self.excess_force(t, s, last, brakes_reached)
                 return (force > 0.0) - (force < 0.0)
 
             before = sign(a)
@@ -242,7 +245,7 @@ class _RideSolver:
         self.v = 0.0
         self.phase = 0
         self.motion_sign = 0.0  # of the motion that friction opposes
-        self.brakes = bisect.bisect_right(self.forces.brake_positions, drive.start)  # number reached
+        self.brakes_reached = bisect.bisect_right(self.forces.brake_positions, drive.start)
         longest = 1e3  # [l sqrt(rho/H)] longest ride
         self.end = min(drive.end_time, longest)
         self.events: list[Event] = []
@@ -265,7 +268,7 @@ class _RideSolver:
         """Stay at rest until the forces exceed friction; return whether the car moves on."""
         s = self.s
         forces = self.forces
-        departure = forces.departure_time_and_phase(self.t, s, self.phase, self.brakes)
+        departure = forces.departure_time_and_phase(self.t, s, self.phase, self.brakes_reached)
         if departure is None:
             self._log_event("stop")
             return False
@@ -276,10 +279,9 @@ class _RideSolver:
             self.sections.append((self.t, t, lambda t: np.stack([np.full_like(t, s), np.zeros_like(t)])))
         self.t = t
         self.phase = phase
-        ahead = (
-            forces.excess_force(self.t, s, self.phase, self.brakes)
-            or forces.force_balance(self.t + 1e-9, s, 0.0, self.phase).free
-        )
+        ahead = forces.excess_force(self.t, s, self.phase, self.brakes_reached)
+        if ahead == 0.0:
+            ahead = forces.force_balance(self.t + 1e-9, s, 0.0, self.phase).free
         before = self.motion_sign
         self.motion_sign = math.copysign(1.0, ahead)
         if before * self.motion_sign < 0.0:
@@ -291,8 +293,8 @@ class _RideSolver:
         """Event and position of the next brake ahead; the car turns at a standstill only."""
         positions = [-math.inf, *self.forces.brake_positions, math.inf]
         if self.motion_sign > 0.0:
-            return "brake", positions[self.brakes + 1]
-        return "brake off", positions[self.brakes]
+            return "brake", positions[self.brakes_reached + 1]
+        return "brake off", positions[self.brakes_reached]
 
     def _event_functions(self) -> dict[str, Callable]:
         """Values that end the motion where they fall through zero."""
@@ -327,7 +329,7 @@ class _RideSolver:
         sign = self.motion_sign
         forces = self.forces
         mu_r = self.drive.mu_r
-        braking = forces.brake_force[self.brakes]
+        braking = forces.brake_force[self.brakes_reached]
 
         def rate(t: float, y: np.ndarray) -> list[float]:
             free, normal, inertia, stretch = forces.force_balance(t, y[0], y[1], phase)
@@ -358,11 +360,11 @@ class _RideSolver:
         elif event in ("still", "rest"):
             self.v = 0.0
         elif event == "brake":
-            self.s = self.forces.brake_positions[self.brakes]
-            self.brakes += 1
+            self.s = self.forces.brake_positions[self.brakes_reached]
+            self.brakes_reached += 1
         elif event == "brake off":
-            self.brakes -= 1
-            self.s = self.forces.brake_positions[self.brakes]
+            self.brakes_reached -= 1
+            self.s = self.forces.brake_positions[self.brakes_reached]
         elif event == "arrival":
             self.s = self.drive.end_position
         else:
@@ -389,15 +391,13 @@ def roll_ride(path: LoadPath, mu: float, sigma: float, drive: Drive, max_turns: 
 
 
 def ride_and_completed_drive(groups: Groups, drive: Drive) -> tuple[Ride, Drive]:
-    """The ride on the loaded cable, and the drive with `nominal` and `end_time`.
+    """The quasi-static ride on the loaded cable, and the drive with directions of departure, `nominal` and `end_time`.
 
     A swinging ride of open end is over at its second turn.
     """
     path = LoadPath.on_loaded_cable(groups)
-    drive = replace(
-        drive,
-        departure_directions=QuasiStaticForces(path, groups.mu, groups.sigma, drive).departure_directions_by_position(),
-    )
+    forces = QuasiStaticForces(path, groups.mu, groups.sigma, drive)
+    drive = replace(drive, departure_directions=forces.departure_directions_by_position())
     ends = math.isfinite(drive.end_time)
     first = roll_ride(path, groups.mu, groups.sigma, drive, math.inf if ends else 2)
     nominal = first.duration or min(1.0, drive.end_time)  # a car that stays

@@ -110,13 +110,12 @@ def line_tables_of_scene(data: dict[str, Any]) -> dict[str, Any]:
     at_rest = scene.reference_catenary
     shorter = 1.0 - at_rest.mean_tension / scene.cable.EA
     rope = {key: value for key, value in data["cable"].items() if key not in SHAPES}
-    rope |= {
-        "mass_per_length": scene.cable.mass_per_length / shorter,
-        "EA": scene.cable.EA * shorter,
-        "length": at_rest.length * shorter,
-    }
-    ends = {"left": [0.0, 0.0], "right": [scene.supports.span, scene.supports.drop]}
-    contacts = [{"name": end, "kind": "anchor", "at": at} for end, at in ends.items()]
-    car = {"name": "car", **data["mass"], **{key: data[key] for key in ("travel", "drive") if key in data}}
+    rope["mass_per_length"] = scene.cable.mass_per_length / shorter
+    rope["EA"] = scene.cable.EA * shorter
+    rope["length"] = at_rest.length * shorter
+    left = {"name": "left", "kind": "anchor", "at": [0.0, 0.0]}
+    right = {"name": "right", "kind": "anchor", "at": [scene.supports.span, scene.supports.drop]}
+    car = {"name": "car", **data["mass"]}
+    car |= {key: data[key] for key in ("travel", "drive") if key in data}
     rest = {key: value for key, value in data.items() if key not in ("cable", "supports", "mass", "travel", "drive")}
-    return {**rest, "cable": rope, "contact": contacts, "car": [car]}
+    return {**rest, "cable": rope, "contact": [left, right], "car": [car]}

@@ -13,9 +13,8 @@ from cablefem.scene.drive import FARTHEST_END, NEAREST_START
 if TYPE_CHECKING:
     from cablefem.scene.scene import Groups
 
-# nodes of a load path; Gauss points a side, for an error of 3e-8 l; both of each panel
-NODES = 160
-POINTS = 24
+NODES = 160  # of a load path, for each panel
+POINTS = 24  # of Gauss a side, for each panel: for an error of 3e-8 l
 ITERATIONS = 60  # of Newton's method, and for the direction of a rolling car
 
 
@@ -43,7 +42,9 @@ class Rest:
     @property
     def stretch_at_car(self) -> np.ndarray:
         """<lam> at the car, mean of both sides."""
-        return 0.5 * (np.linalg.norm(self.slope_behind, axis=1) + np.linalg.norm(self.slope_ahead, axis=1))
+        behind = np.linalg.norm(self.slope_behind, axis=1)
+        ahead = np.linalg.norm(self.slope_ahead, axis=1)
+        return 0.5 * (behind + ahead)
 
 
 def _panel_count(sigma: float) -> int:
@@ -52,13 +53,15 @@ def _panel_count(sigma: float) -> int:
     return math.ceil(sigma / panel)
 
 
-def load_path_positions(sigma: float, nearest: float | None = None) -> np.ndarray:
-    """Positions s of a load path, uniform in log(s/(1 - s)), up to `nearest` of both supports."""
+def load_path_positions(sigma: float, nearest_to_supports: float | None = None) -> np.ndarray:
+    """Positions s of a load path, uniform in log(s/(1 - s)), up to this near to both supports."""
     nodes = NODES * _panel_count(sigma)
-    if nearest is None:
-        y = np.linspace(math.log(0.5 * NEAREST_START), -math.log(0.5 * (1.0 - FARTHEST_END)), nodes)
-    else:
-        y = np.linspace(math.log(nearest), -math.log(nearest), 2 * nodes)
+    begin = 0.5 * NEAREST_START
+    end = 0.5 * (1.0 - FARTHEST_END)
+    if nearest_to_supports is not None:
+        begin = end = nearest_to_supports
+        nodes = 2 * nodes
+    y = np.linspace(math.log(begin), -math.log(end), nodes)
     return 1.0 / (1.0 + np.exp(-y))
 
 
@@ -70,10 +73,8 @@ def gripped_rest(s: Any, groups: Groups) -> Rest:
     behind, ahead = x.sides
     _, A = x.spans_and_derivatives_by_force()
     z = -_solve_each(A, behind.slope - ahead.slope)  # d(left)/ds (n, 2)
-    bent = (
-        behind.by_s - ahead.by_s + 2.0 * _multiply_each(behind.by_n - ahead.by_n, z) + x.second_derivative_integral(z)
-    )
-    zz = -_solve_each(A, bent)  # d2(left)/ds2 (n, 2)
+    jump = behind.by_s - ahead.by_s + 2.0 * _multiply_each(behind.by_n - ahead.by_n, z)
+    zz = -_solve_each(A, jump + x.second_derivative_integral(z))  # d2(left)/ds2 (n, 2)
     point, B = x.spans_and_derivatives_by_force(x.behind)
     along = behind.slope + _multiply_each(B, z)
     bend = (
@@ -190,7 +191,8 @@ class _TwoPieceStatics:
         e = n / N[:, None]
         q = (1.0 - self.T / self.alpha) / N
         f = q + 1.0 / self.alpha
-        by_n = f[:, None, None] * np.eye(2) - q[:, None, None] * e[:, :, None] * e[:, None, :]
+        of_direction = q[:, None, None] * e[:, :, None] * e[:, None, :]
+        by_n = f[:, None, None] * np.eye(2) - of_direction
         by_s = -groups.sigma * by_n[:, :, 1] - (dT / self.alpha)[:, None] * e
         return _Side(N, f[:, None] * n, by_n, by_s)
 
@@ -220,11 +222,13 @@ class _TwoPieceStatics:
 
     def second_derivative_integral(self, z: np.ndarray, points: Any = slice(None)) -> np.ndarray:
         """int d2r'/dn^2 [z, z] over some points: (n, 2)."""
-        n = np.moveaxis(self.left_force.T[:, :, None] + self.load[:, :, points], 0, -1)  # (n, points, 2)
+        forces = self.left_force.T[:, :, None] + self.load[:, :, points]
+        n = np.moveaxis(forces, 0, -1)  # (n, points, 2)
         N = np.linalg.norm(n, axis=-1)[..., None]
         nz = n @ z[:, :, None]  # (n, points, 1)
         z2 = (z**2).sum(1)[:, None, None]
-        w = (self.weights[:, points] * self.q[:, points])[..., None] / N**3
+        wq = self.weights[:, points] * self.q[:, points]
+        w = wq[..., None] / N**3
         along_z = -2.0 * nz * z[:, None]
         along_n = (3.0 * nz**2 / N**2 - z2) * n
         return (w * (along_z + along_n)).sum(1)
@@ -238,7 +242,8 @@ def _gauss_rule(sigma: float) -> tuple[np.ndarray, np.ndarray]:
     panels = _panel_count(sigma)
     x, w = np.polynomial.legendre.leggauss(POINTS)
     starts = np.arange(panels)[:, None]
-    return ((starts + 0.5 * (1.0 + x)) / panels).ravel(), np.tile(0.5 * w / panels, panels)
+    points = (starts + 0.5 * (1.0 + x)) / panels  # (panels, points)
+    return points.ravel(), np.tile(0.5 * w / panels, panels)
 
 
 def _multiply_each(B: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -202,11 +202,11 @@ def test_friction_of_a_hauled_car_goes_by_what_presses_now():
 def test_the_law_goes_on_in_the_same_mode():
     system = RollingSystem(BRAKED.groups, Fourier(5))
     system.start(0, None)
-    system.mode.brakes = 1
+    system.mode.brakes_reached = 1
     other = system.with_law("tension-only")
-    assert (other.law, other.mode.brakes, other.hold) == ("tension-only", 1, system.hold)
-    other.mode.brakes = 0
-    assert system.mode.brakes == 1
+    assert (other.law, other.mode.brakes_reached, other.hold) == ("tension-only", 1, system.hold)
+    other.mode.brakes_reached = 0
+    assert system.mode.brakes_reached == 1
 
 
 def test_what_cannot_roll():
