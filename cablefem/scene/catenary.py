@@ -21,12 +21,6 @@ Z_MAX = 5.0
 _BRACKET = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # with the ends themselves
 
 
-def static_tension(s: Any, sigma: float, c: float) -> np.ndarray:
-    """T/H at s in [0, 1]."""
-    p = c - sigma * np.asarray(s, dtype=float)
-    return np.sqrt(1.0 + p * p)
-
-
 class TensionAndSlope(NamedTuple):
     """T/H and first derivatives of x and y by s; arrays."""
 
@@ -173,7 +167,7 @@ class Catenary:
 
     def tension(self, s: Any) -> np.ndarray:
         """Tension [N] at s [m]."""
-        return self.horizontal_tension * static_tension(np.asarray(s) / self.length, self.sigma, self.c)
+        return self.horizontal_tension * tension_and_slope(np.asarray(s) / self.length, self.sigma, self.c).T
 
 
 def _sinhc_minus_1(z: float) -> float:

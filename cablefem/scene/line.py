@@ -441,7 +441,7 @@ class Line(Described):
         at_ends = states[len(tried) :]
         pairs = zip(at_ends[::2], at_ends[1::2], strict=True)
         shoe_ends = dict(zip(on_shoes, pairs, strict=True))
-        positions = dict(refused)
+        positions: dict[int, LineState | NoLineAtRest] = dict(refused)
         for i, state in zip(tried, states, strict=False):
             positions[i] = self._with_loads_in_reason(state, i)
         positions |= _refused_on_shoes(positions, on_shoes, shoe_ends)
