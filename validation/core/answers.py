@@ -27,7 +27,7 @@ def crosswind_load_factor(scene: Scene) -> float | None:
     return math.hypot(q, w) / q if w else None
 
 
-def crosswind_text(scene: Scene, model: str) -> str:
+def crosswind_scope_text(scene: Scene, model: str) -> str:
     """What the numbers of a run by a model hold of the wind across the line, and what not; "" without it."""
     factor = crosswind_load_factor(scene)
     if factor is None or scene.wind is None:
@@ -38,7 +38,7 @@ def crosswind_text(scene: Scene, model: str) -> str:
     return f"wind of {scene.wind.across:.4g} m/s across the line: the numbers hold {holds}. {left_out}"
 
 
-def force_means_sentence(r: Response) -> str:
+def averaging_time_sentence(r: Response) -> str:
     """Over what forces, angles and a free car's decelerations among the design numbers are means."""
     kinds = "forces, decelerations" if r.drive == "free" else "forces"
     round_trip = axial_round_trip_time(r.scene_toml, r.length)

@@ -169,7 +169,7 @@ def _header_faults(header: list[str], columns_by_index: dict[int, tuple[str, flo
         names.setdefault(quantity, []).append(header[i])
     twice = {quantity: x for quantity, x in names.items() if len(x) > 1}
     faults = [f"columns {' and '.join(x)} both say {quantity}; leave one" for quantity, x in twice.items()]
-    have = f"it has {', '.join(header)}{_endings_not_understood(header, names)}"
+    have = f"it has {', '.join(header)}{_unknown_endings_text(header, names)}"
     if not {"v", "y"} & names.keys():
         faults.append(f"no column v (deflection of the mass [m], positive down); {have}")
     if scene.drive.mode != "free" and not {"t", "s_o"} & names.keys():
@@ -177,7 +177,7 @@ def _header_faults(header: list[str], columns_by_index: dict[int, tuple[str, flo
     return faults
 
 
-def _endings_not_understood(header: Sequence[str], found: Container[str]) -> str:
+def _unknown_endings_text(header: Sequence[str], found: Container[str]) -> str:
     """Text on columns of quantities not found whose ending is no unit that is read; empty without any."""
     text = ""
     for name in header:
@@ -380,7 +380,7 @@ def third_party_rows(
         return
     covered = _partial_coverage_text(path, run, window)
     allowed = BoundPart(f"allowed to {other}", with_tol)
-    for name, (distance, components) in _distances_by_quantity(path, run, part, of_path).items():
+    for name, (distance, components) in _distance_functions_by_quantity(path, run, part, of_path).items():
         bar = BoundPart(run.method, ladder.bar(identity, distance), "its error bar")
         bound = Bound("our error bar", (bar, allowed), f"of {components}")
         if covered:
@@ -388,7 +388,7 @@ def third_party_rows(
         yield Agreement(name, distance(path, run), bound, where if name == "path_max" else None, other)
 
 
-def _distances_by_quantity(
+def _distance_functions_by_quantity(
     path: ForeignPath | Response, run: Response, part: Window, of_path: str
 ) -> dict[str, tuple[Distance, str]]:
     """Comparable quantities, path first: a distance of two answers, and its components, `of_path` of the path."""

@@ -311,7 +311,7 @@ def energy_defect(r: Response) -> Array:
     return r.energy - r.energy[0] - work
 
 
-def relative_energy_gain(r: Response, weight: float, window: Window) -> float:
+def max_relative_energy_gain(r: Response, weight: float, window: Window) -> float:
     """Largest energy gained without work between two times in the window, over weight times largest deflection."""
     defect = energy_defect(r)[steps_in_window(r, window)]
     largest_later = np.maximum.accumulate(defect[::-1])[::-1]

@@ -172,7 +172,7 @@ def refine_to_tolerance(
     method = runs.method
     if method.wrong:
         raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
-    chosen = _settings_with_time_scheme(scene, method, runs.settings)
+    chosen = _settings_with_default_scheme(scene, method, runs.settings)
     settings = method.settings_for_scene(scene.groups, chosen | _first_resolution_and_steps(scene, method))
     ratio = 1.0  # last refinement of space
     bar_before = math.inf  # in space, before it
@@ -355,7 +355,7 @@ def path_bar_from_coarser_runs(r: Response) -> float:
 # --- the rule, and where to begin -----------------------------------------------------------------------------------
 
 
-def _settings_with_time_scheme(scene: Scene, method: Method, settings: dict[str, Any]) -> dict[str, Any]:
+def _settings_with_default_scheme(scene: Scene, method: Method, settings: dict[str, Any]) -> dict[str, Any]:
     """The user's settings with the time scheme, if they name none."""
     if scene.drive.mode == "free":
         return settings if method.mesh_follows_mass else SWINGING | settings

@@ -51,12 +51,12 @@ def _taut_position_window(r: Response) -> measures.Window | None:
 
 
 def _energy_gain_while_taut(scene: Scene, r: Response) -> float | None:
-    """Relative, see `measures.relative_energy_gain`; None if nothing can be said."""
+    """Relative, see `measures.max_relative_energy_gain`; None if nothing can be said."""
     taut = _taut_position_window(r)
     if taut is None:
         return None
     assert scene.mass is not None
-    return measures.relative_energy_gain(r, scene.mass.mass * scene.gravity, taut)
+    return measures.max_relative_energy_gain(r, scene.mass.mass * scene.gravity, taut)
 
 
 def _error_flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
@@ -84,7 +84,7 @@ def _slack_energy_flags(r: Response, weight: float, energy_range: float) -> list
     slack = r.switched, SLACK_END
     if not measures.steps_in_window(r, slack).any():
         return []
-    gain = measures.relative_energy_gain(r, weight, slack) / energy_range
+    gain = measures.max_relative_energy_gain(r, weight, slack) / energy_range
     largest = 2.0  # the same after the onset; runs that agree 1.4, others from 9
     return [] if gain <= largest else [make_flag("slack energy", gain=gain, since=r.switched)]
 

@@ -8,7 +8,7 @@ from cablefem.scene import Scene
 from cablefem.scene.line import Line
 from validation.core import limits as judge
 from validation.core.agreement import Agreement
-from validation.core.answers import crosswind_text, force_means_sentence, outcome_of_run
+from validation.core.answers import averaging_time_sentence, crosswind_scope_text, outcome_of_run
 from validation.core.measures import WINDOWS
 from validation.core.methods import find_method
 from validation.core.quantities import design_row_texts, key_numbers, limit_row_texts, text_with_bar
@@ -40,8 +40,8 @@ def print_run_summary(scene: Scene, r: Response) -> None:
     numbers = key_numbers(r.design)
     print_design_numbers(numbers)
     if numbers:
-        terminal.print_text(f"  {force_means_sentence(r)}; path.csv has each time step")
-    if wind := crosswind_text(scene, r.model):
+        terminal.print_text(f"  {averaging_time_sentence(r)}; path.csv has each time step")
+    if wind := crosswind_scope_text(scene, r.model):
         terminal.print_text(f"  {wind}", style="yellow")
     onset = next((row for row in r.design if row["quantity"] == "slack_onset"), None)
     if onset is not None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cablefem.response import Response
 from validation.core import limits
-from validation.core.answers import crosswind_text, force_means_sentence, outcome_of_run
+from validation.core.answers import averaging_time_sentence, crosswind_scope_text, outcome_of_run
 from validation.core.measures import time_means_between
 from validation.core.methods import METHODS
 from validation.core.quantities import key_numbers, limit_row_texts
@@ -36,8 +36,8 @@ def answer_page_content(answer: StoredAnswer) -> dict[str, Any]:
         "x": answer,
         "verdict": answer.verdict,
         "outcome": outcome_of_run(answer.scene, replace(answer.runs[0], design=answer.design)).sentence,
-        "crosswind": crosswind_text(answer.scene, answer.runs[0].model),
-        "means": force_means_sentence(answer.runs[0]),
+        "crosswind": crosswind_scope_text(answer.scene, answer.runs[0].model),
+        "means": averaging_time_sentence(answer.runs[0]),
         "matter": key_numbers(answer.design),
         "view": view,
         "has_values": lambda name: np.isfinite(getattr(answer.runs[0], name)).any(),
