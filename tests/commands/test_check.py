@@ -13,8 +13,8 @@ from tests.commands.calls import BROKEN, fault_lines
 from tests.commands.test_lines import FEW
 from validation.commands.check import selftest
 from validation.core.agreement import no_bound
+from validation.core.flags import with_flag
 from validation.core.methods import CHECKED
-from validation.core.watch import with_flag
 
 DATA = Path(__file__).parents[1] / "validation" / "data"
 

@@ -13,10 +13,10 @@ from cablefem import Scene
 from cablefem.response import Response
 from tests.commands.calls import BROKEN, QUICK, fault_lines
 from validation.commands.run import study
+from validation.core.flags import make_flag
 from validation.core.quantities import design_row_texts
 from validation.core.refine import TooCoarse, run_with_error_bars
 from validation.core.running import run
-from validation.core.watch import make_flag
 
 pytestmark = pytest.mark.usefixtures("without_animation")
 

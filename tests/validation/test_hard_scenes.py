@@ -11,11 +11,11 @@ from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import measures, recomputed
 from validation.core.design import design_numbers
+from validation.core.flags import with_energy_gain_and_flags
 from validation.core.methods import METHODS
 from validation.core.refine import run_with_error_bars
 from validation.core.running import Run, run
 from validation.core.sampling import response_of_history
-from validation.core.watch import with_energy_gain_and_flags
 
 LEVEL = Scene.load("level")
 # the campaign itself takes an hour: some of its scenes

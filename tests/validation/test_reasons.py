@@ -7,7 +7,7 @@ import string
 import pytest
 
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
-from validation.core.watch import TEXTS, make_flag
+from validation.core.flags import TEXTS, make_flag
 
 
 def test_a_bound_is_the_sum_of_its_parts():

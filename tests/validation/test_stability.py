@@ -19,12 +19,12 @@ from validation.commands.atlas.study import CELLS, atlas, judged_cell
 from validation.commands.sweep.job import response_faults
 from validation.core import measures
 from validation.core.design import design_numbers
+from validation.core.flags import MAX_GAIN
 from validation.core.methods import METHODS
 from validation.core.refine import run_with_error_bars
 from validation.core.running import run
 from validation.core.trust import convergence_limit, max_path_gap_past_slack
 from validation.core.view import View
-from validation.core.watch import MAX_GAIN
 from validation.page.page import write_page
 
 LEVEL = Scene.load("level")

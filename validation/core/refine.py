@@ -12,6 +12,7 @@ from cablefem.newmark import scheme
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core import measures
+from validation.core.flags import with_flag
 from validation.core.ladder import ROUNDING, Branch, Goal, Ladder, identity
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import Method, find_method
@@ -19,7 +20,6 @@ from validation.core.order import FIRST, MIN_ORDER
 from validation.core.running import Run
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.view import View
-from validation.core.watch import with_flag
 
 RUN_OPTIONS = ("model", "load", "law", "until", "frames")  # arguments beside the method's settings
 FIRST_STEPS = 120
@@ -301,11 +301,15 @@ Gap = Callable[[Response, Response, View], float]  # of a coarse run to a fine o
 
 def path_bar_parts(ladder: Ladder, view: View) -> tuple[float, float]:
     """The parts of the bar of the path; infinite if unknown."""
+    return gap_bar_parts(ladder, view, _largest_path_gap)
 
-    def largest_gap(coarse: Response, fine: Response, view: View) -> float:
-        return measures.relative_path_gap(coarse, fine, view.window).largest
 
-    return gap_bar_parts(ladder, view, largest_gap)
+def _largest_path_gap(coarse: Response, fine: Response, view: View) -> float:
+    return measures.relative_path_gap(coarse, fine, view.window).largest
+
+
+def _tension_gap(coarse: Response, fine: Response, view: View) -> float:
+    return measures.rms_tension_gap_over_H(fine, coarse, view.window)
 
 
 def gap_bar_parts(ladder: Ladder, view: View, gap: Gap, order: float = math.inf) -> tuple[float, float]:
@@ -321,17 +325,14 @@ def gap_bar_parts(ladder: Ladder, view: View, gap: Gap, order: float = math.inf)
 def with_error_bars(ladder: Ladder, view: View) -> Ladder:
     """The ladder with bars of path and tension in its finest run, else a flag."""
     finest = ladder.finest
+    path = path_bar_parts(ladder, view)
+    tension = gap_bar_parts(ladder, view, _tension_gap, FIRST)
     try:
-        path = path_bar_parts(ladder, view)
-        view = view.cut_to_valid_range(finest)
-        tension = ladder.only_runs_covering(view).bars_in_space_and_time(
-            identity, lambda a, b: measures.rms_tension_gap_over_H(a, b, view.window), FIRST
-        )
-        measures.relative_path_gap(finest, finest, view.window)
+        window = view.cut_to_valid_range(finest).window
+        measures.relative_path_gap(finest, finest, window)
         if not math.isfinite(sum(path)):
             what = "resolution" if math.isinf(path[0]) else "steps"
-            end = f"s_o/l = {view.window[1]:.3f}"
-            raise NotComparable(f"the run with half the {what} ends before {end}, or there is none")
+            raise NotComparable(f"the run with half the {what} ends before s_o/l = {window[1]:.3f}, or there is none")
     except NotComparable as why:
         return replace(ladder, finest=with_flag(finest, "no bar", why=str(why)))
     parts = {"path_space": path[0], "path_time": path[1]}
@@ -341,7 +342,7 @@ def with_error_bars(ladder: Ladder, view: View) -> Ladder:
         tension_error = sum(tension)
     barred = replace(
         finest, error_parts=parts, path_error=max(ROUNDING, sum(path)), tension_error=tension_error,
-        error_window=list(view.window),
+        error_window=list(window),
     )  # fmt: skip
     return replace(ladder, finest=barred)
 

@@ -26,11 +26,11 @@ from cablefem.newmark import (
 )
 from cablefem.response import Array, Response
 from cablefem.scene import Groups, Scene
+from validation.core.flags import with_energy_gain_and_flags
 from validation.core.methods import Method, find_method
 from validation.core.sampling import FRAMES, History, Onset, limited_to_one_blas_thread, response_of_history
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.solver import Solver
-from validation.core.watch import with_energy_gain_and_flags
 
 # for rules that do not damp, on the slack cable; Newmark's damping is of first order
 ON_SLACK = newmark.scheme("generalized-alpha", rho_inf=0.8)

@@ -18,8 +18,8 @@ from validation.commands.modes.study import scaled_cable_frequencies
 from validation.commands.paper import measured
 from validation.commands.paper.vibration import relative_free_vibration_energy
 from validation.core import measures, running, store
+from validation.core.flags import MAX_GAIN
 from validation.core.trust import convergence_limit, max_path_gap_past_slack
-from validation.core.watch import MAX_GAIN
 from validation.page import page
 
 Row = dict[str, Any]

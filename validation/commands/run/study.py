@@ -13,6 +13,7 @@ from validation.core import limits, recomputed
 from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict, range_faults
 from validation.core.answers import outcome_of_run
 from validation.core.design import design_numbers
+from validation.core.flags import with_flag
 from validation.core.methods import Method, find_method
 from validation.core.quasi_static import quasi_static, with_inertia_error_bars
 from validation.core.refine import TooCoarse, refine_to_tolerance, refine_until_goal_met, run_with_error_bars
@@ -20,7 +21,6 @@ from validation.core.rows import events_with_bars, worst_force_goal
 from validation.core.running import Run, run
 from validation.core.sampling import FRAMES
 from validation.core.sidebyside import no_progress
-from validation.core.watch import with_flag
 from validation.page.answer import many as table
 from validation.page.options import GridPoint
 
