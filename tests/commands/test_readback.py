@@ -61,7 +61,7 @@ def test_all_that_is_written_and_printed_has_a_reader(stored_result, name):
         written = {file.name for file in (of.folder / method).iterdir()}
         assert written <= readback.FILES.keys()
     path = (of.folder / of.methods[0] / "path.csv").read_text().splitlines()[0]
-    assert set(path.split(",")) == readback.path_csv_columns(of.run_of_method(0)).keys()
+    assert set(path.split(",")) == readback.path_csv_columns(of.runs[0]).keys()
 
 
 # --- files ------------------------------------------------------------------------------------------------------------
@@ -90,7 +90,7 @@ def test_a_column_one_percent_off_is_seen(stored_result, name, column):
     file = of.folder / of.methods[0] / name
     before = file.read_text()
     enlarge_csv_column(file, column)
-    found = list(readback.FILES[name](file, of.run_of_method(0)))
+    found = list(readback.FILES[name](file, of.runs[0]))
     file.write_text(before)
     assert found
     assert all(fault.startswith(column) for fault in found)
@@ -108,7 +108,7 @@ def test_an_animation_one_percent_off_is_seen(stored_result, of_frame):
                 data[name][...] = factor * data[name][...]
 
     scale(1.01)
-    found = list(readback.FILES[file.name](file, of.run_of_method(0)))
+    found = list(readback.FILES[file.name](file, of.runs[0]))
     scale(1.0 / 1.01)
     assert found
 
@@ -119,7 +119,7 @@ def test_a_wrong_number_of_the_summary_is_seen(stored_result):
     before = file.read_text()
     for key, value in (("reached", 0.97), ("n_dof", 3), ("max_deflection", 3.0), ("news", 1)):
         file.write_text(json.dumps(json.loads(before) | {key: value}))
-        assert any(key in fault for fault in readback.FILES[file.name](file, of.run_of_method(0)))
+        assert any(key in fault for fault in readback.FILES[file.name](file, of.runs[0]))
     assert any(fault.startswith(str(file)) for fault in readback.file_faults(of))
     file.write_text(before)
 

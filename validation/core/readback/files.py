@@ -21,13 +21,12 @@ SINGLE_PRECISION = 1e-6  # of single precision
 
 def file_faults(stored: StoredResults) -> Faults:
     """Faults of the files of each method, and of the stored limits and verification."""
-    scene = stored.run_of_method(0)["scene"]
+    scene = stored.runs[0]["scene"]
     for fault in limit_faults(stored.limits, scene, stored.design, stored.shown_events):
         yield f"limits: {fault}"
     for fault in verification_faults(stored):
         yield f"verification: {fault}"
-    for i, method in enumerate(stored.methods):
-        run = stored.run_of_method(i)
+    for method, run in zip(stored.methods, stored.runs, strict=True):
         for name, reader in FILES.items():
             file = stored.folder / method / name
             if reader is not None and file.exists():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -71,13 +71,14 @@ def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events:
     """Faults of verdicts on limits, from a scene's TOML, the shipped texts and the printed numbers."""
     shipped = read_package_toml("cablefem.scene", "limits.toml")
     words = shipped["demand"]
+    demanded = _DemandedNumbers(scene, design, events)
     for row in rows:
         demand = next(key for key in words if re.fullmatch(words[key][0].format(".*"), row["demand"]))
         if [row["side"], row["unit"]] != words[demand][1:3]:
             yield f"{row['demand']}: {row['side']} in {row['unit']}"
         if not _is_limit_stated(demand, row, scene, shipped["text"].values()):
             yield f"{row['demand']}: {row['limit']} is not the limit of {row['source']}"
-        yield from _limit_verdict_faults(row, _value_of_demand(demand, row, scene, design, events))
+        yield from _limit_verdict_faults(row, demanded.value_of_demand(demand, row))
     sources = [row["source"] for row in rows]
     for name in scene.get("limits", {}).get("use", []):
         if not any(source.startswith(shipped["text"][name]["source"]) for source in sources):
@@ -85,28 +86,26 @@ def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events:
 
 
 def _is_limit_stated(demand: str, row: Row, scene: Row, regulations: Iterable[Row]) -> bool:
-    """Whether the scene, or a rule of a regulation, states the limit of a row."""
+    """Whether the scene, or a rule of a regulation that applies to it, states the limit of a row."""
+    limits = scene.get("limits", {})
     if row["source"] == "the scene":
-        return bool(scene.get("limits", {}).get(demand) == row["limit"])
+        return bool(limits.get(demand) == row["limit"])
+    kind = _kind_of_obstacle_or_ground(row, scene)
     for regulation in regulations:
-        if any(_row_follows_rule(row, demand, rule, regulation, scene) for rule in regulation["limit"]):
-            return True
+        for rule in regulation["limit"]:
+            same = (demand, row["limit"]) == (rule["demand"], rule["limit"])
+            fits = kind is None or rule.get("kind") in (None, kind)
+            applies = rule.get("when") in (None, *limits.get("when", []))
+            if same and fits and applies and row["source"] == f"{regulation['source']}, {rule['clause']}":
+                return True
     return False
 
 
-def _row_follows_rule(row: Row, demand: str, rule: Row, regulation: Row, scene: Row) -> bool:
-    """Whether a row states a rule of a regulation, which is for this obstacle and for what the scene says."""
-    same = rule["demand"] == demand and rule["limit"] == row["limit"]
-    source = f"{regulation['source']}, {rule['clause']}"
-    kind = _kinds_of_obstacles_and_ground(scene).get(row["demand"].removeprefix(OVER))
-    fits = rule.get("kind") in (None, kind) or kind is None
-    applies = rule.get("when") in (None, *scene["limits"].get("when", []))
-    return same and fits and applies and row["source"] == source
-
-
-def _kinds_of_obstacles_and_ground(scene: Row) -> dict[str, str | None]:
+def _kind_of_obstacle_or_ground(row: Row, scene: Row) -> str | None:
+    """The kind that the scene gives to what a demanded clearance is over; None without one."""
     kinds = {x["name"]: x.get("kind") for x in scene.get("obstacle", [])}
-    return kinds | {"the ground": scene["limits"].get("ground")}
+    kinds["the ground"] = scene["limits"].get("ground")
+    return kinds.get(row["demand"].removeprefix(OVER))
 
 
 def _limit_verdict_faults(row: Row, value: float | None) -> Faults:
@@ -131,60 +130,65 @@ def _expected_limit_verdict(row: Row, value: float) -> str:
     return "met" if margin >= 0.0 else "not met"
 
 
-Values = dict[str, dict[str, float]]  # numbers by kind, then by obstacle or contact
+class _DemandedNumbers:
+    """Values of demands, from a scene's TOML, its design numbers and events."""
 
+    def __init__(self, scene: Row, design: Sequence[Row], events: Sequence[Row]) -> None:
+        self.scene = scene
+        self.events = events
+        self.by_kind: dict[str, dict[str, float]] = {}  # then by obstacle or contact
+        for number in design:
+            if number["value"] is not None:
+                kind, _, of = number["quantity"].partition(":")
+                self.by_kind.setdefault(kind, {})[of] = number["value"]
+        if "breaking_load" in scene["cable"]:
+            self.by_kind["breaking_load"] = {"": scene["cable"]["breaking_load"]}
 
-def _value_of_demand(demand: str, row: Row, scene: Row, design: Sequence[Row], events: Sequence[Row]) -> float | None:
-    """The value of a demand; None where it is unknown."""
-    values: Values = {}
-    for number in design:
-        if number["value"] is not None:
-            kind, _, of = number["quantity"].partition(":")
-            values.setdefault(kind, {})[of] = number["value"]
-    if demand == "clearance":
-        return _min_clearance_for_demand(row, values, scene)
-    if demand == "arrival_speed":
-        return next((x["speed"] for x in events if x["event"] in ("brake", "arrival")), None)
-    if demand == "swing_along":
-        swings = [*values.get("swing_max", {}).values(), *values.get("swing_min", {}).values()]
-        largest = np.radians(np.max(np.abs(swings), initial=0.0))
-        return float(np.tan(largest)) if swings else None
-    if demand in NUMBERS:
-        return _extreme_for_demand(demand, values.get(NUMBERS[demand], {}), scene)
-    return _ratio_for_demand(demand, values, scene) if demand in RATIOS else None
+    def value_of_demand(self, demand: str, row: Row) -> float | None:
+        """The value of a demand; None where it is unknown."""
+        if demand == "clearance":
+            return self._min_clearance(row)
+        if demand == "arrival_speed":
+            return next((x["speed"] for x in self.events if x["event"] in ("brake", "arrival")), None)
+        if demand == "swing_along":
+            swings = [*self._values("swing_max"), *self._values("swing_min")]
+            largest = np.radians(np.max(np.abs(swings), initial=0.0))
+            return float(np.tan(largest)) if swings else None
+        if demand in NUMBERS:
+            return self._extreme(demand)
+        return self._ratio(demand) if demand in RATIOS else None
 
+    def _values(self, kind: str) -> Collection[float]:
+        return self.by_kind.get(kind, {}).values()
 
-def _extreme_for_demand(demand: str, numbers: dict[str, float], scene: Row) -> float | None:
-    """The number of a demand; of knees under load, of the last contact before the end or of the others."""
-    if demand in ("knee_loaded", "knee_last"):
-        last = scene["contact"][-2]["name"] if "contact" in scene else ""
-        of_last = demand == "knee_last"
-        numbers = {contact: x for contact, x in numbers.items() if (contact == last) is of_last}
-    extreme = min if demand in ("knee_empty", "tension_over_wheel") else max
-    return extreme(numbers.values(), default=None)
+    def _extreme(self, demand: str) -> float | None:
+        """The number of a demand; of knees under load, of the last contact before the end or of the others."""
+        values = self._values(NUMBERS[demand])
+        if demand in ("knee_loaded", "knee_last"):
+            last = self.scene["contact"][-2]["name"] if "contact" in self.scene else ""
+            of_last = demand == "knee_last"
+            knees = self.by_kind.get(NUMBERS[demand], {})
+            values = [x for contact, x in knees.items() if (contact == last) is of_last]
+        extreme = min if demand in ("knee_empty", "tension_over_wheel") else max
+        return extreme(values, default=None)
 
+    def _ratio(self, demand: str) -> float | None:
+        """The ratio of two numbers that a demand names; None without both."""
+        numerators, denominators = map(self._values, RATIOS[demand])
+        if not numerators or not denominators:
+            return None
+        ratio = min(numerators) / max(denominators)
+        return ratio - 1.0 if demand == "sag_growth" else ratio
 
-def _ratio_for_demand(demand: str, values: Values, scene: Row) -> float | None:
-    """The ratio of two numbers that a demand names, None without both; the breaking load is the scene's."""
-    if "breaking_load" in scene["cable"]:
-        values = values | {"breaking_load": {"": scene["cable"]["breaking_load"]}}
-    numerators, denominators = (values.get(kind, {}).values() for kind in RATIOS[demand])
-    if not numerators or not denominators:
-        return None
-    ratio = min(numerators) / max(denominators)
-    return ratio - 1.0 if demand == "sag_growth" else ratio
-
-
-def _min_clearance_for_demand(row: Row, values: Values, scene: Row) -> float | None:
-    """The smallest clearance over a row's obstacle or ground; None of one whose kind a text needs but nobody gave."""
-    name = row["demand"].removeprefix(OVER)
-    if _kinds_of_obstacles_and_ground(scene).get(name) is None and row["source"] != "the scene":
-        return None
-    clearances = [numbers for kind, numbers in values.items() if kind.startswith("clearance")]
-    over = []
-    for numbers in clearances:
-        over += [x for key, x in numbers.items() if key.split(" over ")[-1] == name]
-    return min(over, default=None)
+    def _min_clearance(self, row: Row) -> float | None:
+        """The smallest clearance over a row's obstacle or ground; None if its text needs a kind that nobody gave."""
+        if row["source"] != "the scene" and _kind_of_obstacle_or_ground(row, self.scene) is None:
+            return None
+        over = []
+        for kind, numbers in self.by_kind.items():
+            if kind.startswith("clearance"):
+                over += [x for key, x in numbers.items() if key.split(" over ")[-1] == row["demand"].removeprefix(OVER)]
+        return min(over, default=None)
 
 
 LIMITS = "limit|value|demanded|by|verdict"  # columns

@@ -37,7 +37,7 @@ def page_faults(html_text: str, command: str, stored: StoredResults) -> Faults:
     if stored.rows:
         yield from verdict_count_faults(summary, stored)
     wind = re.search(r"Wind of [^:]*: the numbers hold [^:]*: .*? weight", plain_text(answer))
-    if wind is None and stored.run_of_method(0)["scene"].get("wind", {}).get("across", 0.0) > 0.0:
+    if wind is None and stored.runs[0]["scene"].get("wind", {}).get("across", 0.0) > 0.0:
         yield "the page does not say what is left out of the wind across the line"
     if wind is not None:
         yield from crosswind_faults(wind[0], stored)

@@ -21,7 +21,7 @@ PACKED = 65535  # steps between the extremes of a packed series
 
 def side_view_faults(view: dict[str, Any], stored: StoredResults) -> Faults:
     """Faults of the path, the marks of speed, the scene and the moving ropes of a side view."""
-    run = stored.run_of_method(0)
+    run = stored.runs[0]
     path = path_csv_columns(run)
     points = np.stack([path["x"], path["y"]], axis=1)  # (n, 2)
     reach = float(np.ptp(path["x"])) or 1.0
@@ -84,7 +84,7 @@ BESIDE = {"speed": ("speed", "m/s"), "press on the rope": ("F_contact", "N"), "h
 def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], stored: StoredResults) -> Faults:
     """Frames of a rope against the stored ones; a frame at rest may come first."""
     drawn = cable["touching"][0]
-    run = stored.run_of_method(stored.methods.index(drawn["name"]))
+    run = stored.runs[stored.methods.index(drawn["name"])]
     frames = run["fields.t"].size
     stations = np.abs(run["fields.s"][:, None] - np.array(view["s"])).argmin(axis=0)  # (m,)
     expected = {name: run[f"fields.{name}"][:, stations] for name in ("u", "v", "T")}

@@ -43,21 +43,24 @@ class StoredResults:
         """The verdict on both solvers; another program has its own."""
         return worst_asked_verdict(row for row in self.rows if not row.get("with")) or "not comparable"
 
-    @cache  # noqa: B019  a few, short-lived
-    def run_of_method(self, index: int) -> Run:
-        """The stored arrays of a method, and its scene's TOML."""
-        file = self.folder / self.methods[index] / "response.npz"
-        with np.load(file, allow_pickle=False) as data:
-            run: Run = dict(data)
-        run["rest"] = json.loads(str(run.pop("_rest")))
-        run["scene"] = tomllib.loads(run["rest"]["scene_toml"])
-        return run
+    @cached_property
+    def runs(self) -> list[Run]:
+        """Stored arrays of each method, with its scene's TOML."""
+        return [_read_run(self.folder / name / "response.npz") for name in self.methods]
 
     @cached_property
     def scene_data(self) -> SceneData:
         """Numbers of the scene, SI."""
-        rest = self.run_of_method(0)["rest"]
+        rest = self.runs[0]["rest"]
         return SceneData(rest["scene_toml"], rest["length"])
+
+
+def _read_run(file: Path) -> Run:
+    with np.load(file, allow_pickle=False) as data:
+        run: Run = dict(data)
+    run["rest"] = json.loads(str(run.pop("_rest")))
+    run["scene"] = tomllib.loads(run["rest"]["scene_toml"])
+    return run
 
 
 def worst_asked_verdict(rows: Iterable[Row]) -> str | None:

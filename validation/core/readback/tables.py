@@ -82,7 +82,7 @@ def _shown_design_numbers(html_text: str) -> dict[str, tuple[str, str]]:
 def _support_load_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
     """Components of what a support carries at one instant: means over an axial round trip."""
     side, when, right, down = cells
-    run = stored.run_of_method(0)
+    run = stored.runs[0]
     t_max = next(x["t"] for x in stored.design if x["quantity"] == f"reaction_{side}_max")
     force = -run[f"reaction_{side}"]  # (n, 2)
     known = np.isfinite(force).all(axis=1)
@@ -162,7 +162,7 @@ def _run_cost_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
             yield f"{name} of {method}: {text} where {summary[name]} is stored"
     if not shows_value(seconds, summary["seconds"], digits=3):
         yield f"seconds of {method}: {seconds} where {summary['seconds']} is stored"
-    if not shows_decimals(reached, float(stored.run_of_method(i)["s_o"][-1]), "m", 1):
+    if not shows_decimals(reached, float(stored.runs[i]["s_o"][-1]), "m", 1):
         yield f"{method} computed up to {reached}, which is not where its path ends"
 
 
@@ -225,14 +225,14 @@ def _derived_fact_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
     name, text = cells
     if name not in FACTS:
         stored.unread.append(name)
-    elif not FACTS[name](text, stored.run_of_method(0)):
+    elif not FACTS[name](text, stored.runs[0]):
         yield f"{name}: {text}"
 
 
 def _input_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
     """Faults of a value of the TOML: a number, a word, a short list or the length of a list."""
     key, text, _ = cells
-    value: Any = stored.run_of_method(0)["scene"]
+    value: Any = stored.runs[0]["scene"]
     for name in key.split("."):
         value = value[int(name)] if isinstance(value, list) else value[name]
     if not isinstance(value, list):

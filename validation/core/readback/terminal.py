@@ -78,7 +78,7 @@ def _printed_event_faults(text: str, stored: StoredResults) -> Faults:
 
 
 def _printed_slack_faults(text: str, stored: StoredResults) -> Faults:
-    length = stored.run_of_method(0)["rest"]["length"]
+    length = stored.runs[0]["rest"]["length"]
     number = text.removeprefix("slack somewhere from car at ").partition(" on;")[0]
     for row in stored.design:
         if row["quantity"] == "slack_onset" and row["value"] is not None:
@@ -113,7 +113,7 @@ def _averaging_time_faults(text: str, stored: StoredResults) -> Faults:
 def _limit_scope_faults(text: str, stored: StoredResults) -> Faults:
     """What a text is for, and whether the scene is that."""
     names = read_package_toml("cablefem.scene", "limits.toml")["text"]
-    mode = stored.run_of_method(0)["rest"]["drive"]
+    mode = stored.runs[0]["rest"]["drive"]
     if text not in expected_scope_sentences(names, {mode}):
         yield f"{text!r} is no scope of a text"
 

@@ -63,7 +63,7 @@ def _expected_verification_numbers(stored: StoredResults, row: Row, gap: Row, si
 
 def _stored_design_value(stored: StoredResults, method: int, quantity: str) -> float:
     """A design number of a method."""
-    design = stored.run_of_method(method)["rest"]["design"]
+    design = stored.runs[method]["rest"]["design"]
     return float(next(x["value"] for x in design if x["quantity"] == quantity))
 
 
