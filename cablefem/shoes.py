@@ -135,7 +135,7 @@ class _CarAtShoe(NamedTuple):
     snapshot: LineSnapshot
 
     @property
-    def side(self) -> float:
+    def side_of_saddle(self) -> float:
         """1 where the car is to the right of the saddle, else -1."""
         x, _ = self.snapshot.points[self.car.name][0].tolist()
         return math.copysign(1.0, x - self.saddle.point[0])
@@ -154,9 +154,10 @@ class _CarAtShoe(NamedTuple):
         (x, y), velocity, acceleration = self.snapshot.points[self.car.name].tolist()
         slope = velocity[1] / velocity[0]
         bend = (acceleration[1] - slope * acceleration[0]) / velocity[0] ** 2
-        tangent = self.snapshot.rope_tangent_beside(self.car.name, self.side)
         begin = RailEnd(x, y, slope, bend)
-        return self.line_with_car_on_rail(Rail(self.saddle.name, begin, self._straight_rail_end(self.side, tangent)))
+        side = self.side_of_saddle
+        end = self._straight_rail_end(side, self.snapshot.rope_tangent_beside(self.car.name, side))
+        return self.line_with_car_on_rail(Rail(self.saddle.name, begin, end))
 
     def line_after_rope_left(self) -> MovingLine:
         """The line with the car off the rope, on a rail over the saddle to as far behind it."""
@@ -165,7 +166,7 @@ class _CarAtShoe(NamedTuple):
         saddle = self.saddle.name
         (x, y), velocity, _ = snapshot.points[car].tolist()
         begin = RailEnd(x, y, velocity[1] / velocity[0])
-        behind = -self.side
+        behind = -self.side_of_saddle
         end = self._straight_rail_end(behind, snapshot.rope_tangent_beside(saddle, behind))
         rope_speed = abs(snapshot.ds[car] - snapshot.ds[saddle])
         stretch = float(np.hypot(*velocity)) / rope_speed
@@ -180,7 +181,7 @@ class _CarAtShoe(NamedTuple):
         _, (r_x, r_y), _ = self.snapshot.rope(self.snapshot.s[self.car.name])
         rail = Rail(self.saddle.name, RailEnd(x, y, r_y / r_x), self._rail_end_on_load_path())
         contacts = list(self.line.contacts)
-        contacts.insert(contacts.index(self.saddle) + (self.side > 0.0), replace(self.car, rail=rail))
+        contacts.insert(contacts.index(self.saddle) + (self.side_of_saddle > 0.0), replace(self.car, rail=rail))
         off_rope = tuple(c for c in self.line.cars_off_rope if c is not self.car)
         return replace(self.line, contacts=tuple(contacts), cars_off_rope=off_rope)
 
@@ -193,10 +194,10 @@ class _CarAtShoe(NamedTuple):
 
     def _rail_end_on_load_path(self) -> RailEnd:
         """The end of the shoe on the path of the car at rest, in that one span between anchors at their present s."""
-        span, length = self._span_ahead()
+        span, length = self._stations_and_length_of_span()
         shoe = self.saddle.shoe or 0.0
         step = 0.25 * shoe
-        at = self.saddle.point[0] + self.side * shoe + step * np.array([-1.0, 0.0, 1.0])
+        at = self.saddle.point[0] + self.side_of_saddle * shoe + step * np.array([-1.0, 0.0, 1.0])
         line = self.line
         cases = []
         for x in at.tolist():
@@ -208,11 +209,11 @@ class _CarAtShoe(NamedTuple):
         bend = (after - 2.0 * y + before) / step**2
         return RailEnd(float(at[1]), y, slope, bend)
 
-    def _span_ahead(self) -> tuple[list[Station], float]:
+    def _stations_and_length_of_span(self) -> tuple[list[Station], float]:
         """Saddle, cars and next contact of the span on the side of the car, and the length [m] of its rope."""
         contacts = self.line.contacts
         k = contacts.index(self.saddle)
-        others = contacts[k + 1 :] if self.side > 0.0 else contacts[k - 1 :: -1]
+        others = contacts[k + 1 :] if self.side_of_saddle > 0.0 else contacts[k - 1 :: -1]
         stations: list[Station] = []
         for contact in (self.saddle, *others):
             name = contact.name if contact.name in self.snapshot.points else f"{contact.name}.front"
