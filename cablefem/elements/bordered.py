@@ -138,7 +138,8 @@ class BandMatrix:
         factor, substitute = get_lapack_funcs(("gbtrf", "gbtrs"), (self.ab,))
         lu, pivots, _ = factor(self.ab, self.b, self.b, overwrite_ab=True)
         from_border = substitute(lu, self.b, self.b, self.columns, pivots)[0]
-        schur = np.linalg.inv(self.corner - self.rows @ from_border)
+        condensed = self.corner - self.rows @ from_border
+        schur = np.linalg.inv(condensed)
 
         def solve(b: Array) -> Array:
             inner = substitute(lu, self.b, self.b, b[: self.n], pivots)[0]

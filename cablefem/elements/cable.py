@@ -41,9 +41,11 @@ UNITS: tuple[Factors, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 def _multiply_by_linear(polynomials: Array, linear: Array) -> Array:
     """Polynomials (powers, ...) times linear functions (2, ...)."""
-    out = np.zeros((len(polynomials) + 1, *np.broadcast_shapes(polynomials.shape[1:], linear.shape[1:])))
-    out[:-1] = polynomials * linear[0]
-    out[1:] += polynomials * linear[1]
+    constant, slope = linear
+    at_constant = polynomials * constant
+    out = np.zeros((len(polynomials) + 1, *at_constant.shape[1:]))
+    out[:-1] = at_constant
+    out[1:] += polynomials * slope
     return out
 
 
@@ -131,7 +133,8 @@ class CableElements(System):
                     if to is not None:
                         to += factor * of
         else:
-            self._set_residual_and_tangent(t, phase, x, r, (float(c0), float(c1.real), float(c2.real)))
+            factors = float(c0), float(c1.real), float(c2.real)
+            self._set_residual_and_tangent(t, phase, x, r, factors)
         factorise_in_place(*tangent)
         return r, partial(solve_factored_in_place, *tangent)
 
@@ -152,7 +155,8 @@ class CableElements(System):
         car, inputs = self._car_and_kernel_inputs(t, phase)
         ends = np.empty((t.size, *start.shape))
         results = np.empty((t.size, 6))
-        steps = Steps(inputs, self._mass_coupling_at(t.item(0), phase), start, rules, ends, results, self.slack_ends)
+        coupling = self._mass_coupling_at(t.item(0), phase)
+        steps = Steps(inputs, coupling, start, rules, ends, results, self.slack_ends)
         self._assembled_at = None
         taken = solve_newmark_steps(self._cable, car, self._tangent, self._bands, steps, newton)
         return ends, results, taken
@@ -273,20 +277,27 @@ class CableElements(System):
         # speed of the mesh over ds_o in an element, linear in the position
         chi = np.stack([1.0 + side * knots[:-1, None, None], side * length])
         power = np.arange(1.0, len(q) + 1.0)[:, None, None, None]
-        w_x = power[:-1] * q[1:] / np.where(h > 0.0, length * h, 1.0)
+        size = np.where(h > 0.0, length * h, 1.0)
+        w_x = power[:-1] * q[1:] / size
         rate = v - _multiply_by_linear(ds * w_x, chi)
         moving = dds * q + 2.0 * ds * v
         momentum = np.zeros((len(q) + 1, *q.shape[1:]))
         momentum[1:] = (h * a + side * moving) * length / power
         at_node = 2.0 * ds * self._nodal_values(states.v[frames], self.node).T  # (fields, k)
         at_node += dds * self._nodal_values(states.q[frames], self.node).T
-        ends = history.end_forces[:, :, frames]
-        self._add_momentum_before_elements(momentum, np.where(is_behind, ends[0], ends[2] + at_node))
+        left, _, ahead, _ = history.end_forces[:, :, frames]
+        at_begin = np.where(is_behind, left, ahead + at_node)
+        self._add_momentum_before_elements(momentum, at_begin)
         force_less_flux = momentum - _multiply_by_linear(moving, chi)
 
         at = StationPoints(s, s_o, knots, n_left, self.fields)
-        mesh_speed = ds[:, None] * (1.0 - abs(at.x))
-        return StationFields(at.values(q), at.values(rate), at.values(w_x), at.values(force_less_flux), mesh_speed)
+        return StationFields(
+            w=at.values(q),
+            rate=at.values(rate),
+            slope=at.values(w_x),
+            force_less_flux=at.values(force_less_flux),
+            c=ds[:, None] * (1.0 - abs(at.x)),
+        )
 
     def _add_momentum_before_elements(self, momentum: Array, at_begin: Array) -> None:
         """Add constants to the polynomials int d2(h w)/dt2 phi dxi (powers, elements, fields, k), in place.
@@ -294,8 +305,9 @@ class CableElements(System):
         phi = 1 up to the position, from the support or the mass;  at_begin : force there.
         """
         over_element = momentum.sum(axis=0)  # (elements, fields, k)
-        for of_side in (slice(0, self._mesh.n_left), slice(self._mesh.n_left, None)):
-            momentum[0, of_side] += np.cumsum(over_element[of_side], axis=0) - over_element[of_side]
+        for side in (slice(0, self._mesh.n_left), slice(self._mesh.n_left, None)):
+            up_to_end = np.cumsum(over_element[side], axis=0)
+            momentum[0, side] += up_to_end - over_element[side]
         momentum[0] += at_begin
 
     def _element_polynomials(self, histories: Sequence[Array]) -> Array:
@@ -305,7 +317,8 @@ class CableElements(System):
         unknowns = np.zeros((self.n_scalar + 1, len(histories), self.fields, k))  # the last ones, -1, of the supports
         for i, x in enumerate(histories):
             unknowns[:-1, i] = x[:, :size].T.reshape(self.n_scalar, self.fields, k)
-        polynomials = np.tensordot(self._shapes, unknowns[self._mesh.dofs], ((0,), (1,)))
+        of_elements = unknowns[self._mesh.dofs]
+        polynomials = np.tensordot(self._shapes, of_elements, ((0,), (1,)))
         return np.moveaxis(polynomials, 2, 0)
 
     def _set_law(self, law: str) -> None:
@@ -327,7 +340,8 @@ class CableElements(System):
         if self.fields == 2:
             _, xp, yp, xpp, ypp = self.groups.tension_and_shape_derivatives(s)
             position = np.stack(self.groups.coordinates(s), -1)
-            return position, np.stack([xp, yp], -1), np.stack([xpp, ypp], -1)
+            slope = np.stack([xp, yp], -1)
+            return position, slope, np.stack([xpp, ypp], -1)
         bend = -self._law[2] * np.ones_like(s)
         depth = -0.5 * (bend * s * (1.0 - s))
         slope = bend * (s - 0.5)
@@ -344,12 +358,15 @@ class CableElements(System):
         p = self.groups.c - self.groups.sigma * s_o
         T = np.sqrt(1.0 + p * p)
         bend = ds * ds * self.groups.sigma / T**3
-        return mu * (dds / T + bend * p) - weight[0], mu * (dds * p / T - bend) - weight[1]
+        along_x = dds / T + bend * p
+        downwards = dds * p / T - bend
+        return mu * along_x - weight[0], mu * downwards - weight[1]
 
     def mass_positions_and_displacements(self, states: States) -> tuple[Array, Array]:
         """s_o (n,) and the displacement of the mass (n, 2)."""
         kinematics = self._mass_kinematics(states)
-        return kinematics[:, 0], self._cable_motion_at_mass(states, kinematics).w @ self.direction
+        at_mass = self._cable_motion_at_mass(states, kinematics)
+        return kinematics[:, 0], at_mass.w @ self.direction
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         return observing.observe(self, states, s, frames)

@@ -30,25 +30,24 @@ def system_after_passage(system: LineElements, passage: Passage, x: State) -> tu
     for name in ("hold", "signs", "brakes", "rear_brakes"):
         setattr(new, name, _reorder_by_car(system, new, getattr(system, name)))
     new.set_travel_directions(x.phase)
-    return new, consistent_acceleration(new, x.t, z.q[new.free], z.v[new.free], x.phase)
+    state = consistent_acceleration(new, x.t, z.q[new.free], z.v[new.free], x.phase)
+    return new, state
 
 
 def _set_contact_coordinates(new: LineElements, snapshot: LineSnapshot, z: Coordinates) -> None:
     """Set s and points of all contacts with their velocities in z."""
     for k, contact in enumerate(new.line.contacts_and_wheels):
-        slot = new.s[k]
-        point = 2 * new.node[k] + np.arange(2)
-        z.q[slot] = snapshot.s[contact.name]
-        z.v[slot] = snapshot.ds[contact.name]
-        z.q[point] = snapshot.points[contact.name][0]
-        z.v[point] = snapshot.points[contact.name][1]
+        point, velocity, _ = snapshot.points[contact.name]
+        z.q[new.s[k]] = snapshot.s[contact.name]
+        z.v[new.s[k]] = snapshot.ds[contact.name]
+        z.q[new.xy[k]] = point
+        z.v[new.xy[k]] = velocity
 
 
 def _add_jump_of_swing_rate(old: LineElements, new: LineElements, car: str, velocity: Array, z: Coordinates) -> None:
     """Add to the swing rate in z what the jump of the car's velocity gives; velocity : off the rope (2,)."""
     i = [c.name for c in new.line.cars_on_rope].index(car)
-    node = new.node[new.cars[i]]
-    jump = new.node_points(z.v)[node] - velocity
+    jump = z.v[new.xy[new.cars[i]]] - velocity
     swing = _body_slots_by_car(new)[car]
     z.v[swing] += old.off_rope[car].swing_rate_jump(z.q[swing], jump)
 
@@ -56,12 +55,11 @@ def _add_jump_of_swing_rate(old: LineElements, new: LineElements, car: str, velo
 def _line_snapshot_of(system: LineElements, z: Coordinates, off_rope: dict[str, Array]) -> LineSnapshot:
     """The line at coordinates z; off_rope : points with rates (3, 2) of cars off the rope."""
     with_rates = np.array(z)
-    points = with_rates[:, 2 * system.node[:, None] + np.arange(2)]
 
     def rope_at(s: float) -> Array:
         return positions_slopes_and_velocities_at(system, z, np.array([s]))[:, 0]
 
-    return line_snapshot(system.line, points, with_rates[:, system.s], off_rope, rope_at)
+    return line_snapshot(system.line, with_rates[:, system.xy], with_rates[:, system.s], off_rope, rope_at)
 
 
 def _copy_body_coordinates(old: LineElements, before: Coordinates, new: LineElements, z: Coordinates) -> None:
@@ -103,7 +101,8 @@ def _fit_segment(old: LineElements, before: Coordinates, new: LineElements, z: C
     _fit_inner_unknowns(segments, segments.slopes, r, slope * h)
     v = new.node_points(z.v)[nodes]
     c = (segments.psi @ z.v[ends])[:, None]
-    _fit_inner_unknowns(segments, segments.values, v, w + c * (segments.slopes @ r) / h)
+    of_node = w + c * (segments.slopes @ r) / h
+    _fit_inner_unknowns(segments, segments.values, v, of_node)
     new.node_points(z.q)[nodes] = r
     new.node_points(z.v)[nodes] = v
 
@@ -111,9 +110,9 @@ def _fit_segment(old: LineElements, before: Coordinates, new: LineElements, z: C
 def _fit_inner_unknowns(segments: Segments, table: Array, x: Array, target: Array) -> None:
     """Set the inner unknowns of x (nn, 2), so that table (G, nn) times x is nearest to the target (G, 2)."""
     root = np.sqrt(segments.weights)[:, None]
-    by_inner = root * table[:, 1:-1]
-    missing = root * (target - table[:, [0, -1]] @ x[[0, -1]])
-    x[1:-1] = np.linalg.lstsq(by_inner, missing, rcond=None)[0]
+    of_ends = table[:, [0, -1]] @ x[[0, -1]]
+    fitted = np.linalg.lstsq(root * table[:, 1:-1], root * (target - of_ends), rcond=None)
+    x[1:-1] = fitted[0]
 
 
 def positions_slopes_and_velocities_at(system: LineElements, z: Coordinates, s: Array) -> Array:
@@ -121,14 +120,17 @@ def positions_slopes_and_velocities_at(system: LineElements, z: Coordinates, s: 
     segments = system.segments
     ends = z.q[system.s]
     ds = z.v[system.s]
-    k = np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(ends) - 2)
+    behind = np.searchsorted(ends, s, side="right") - 1
+    k = np.clip(behind, 0, len(ends) - 2)
     h = ends[k + 1] - ends[k]
     xi = (s - ends[k]) / h
     shapes = segments.element_shapes(xi)
     nodes = system.nodes[k[:, None], shapes.nodes]  # (m, n_loc)
     r = system.node_points(z.q)[nodes]
     v = system.node_points(z.v)[nodes]
-    slope = np.einsum("nm,mna->ma", shapes.slopes * segments.elements, r) / h[:, None]
+    by_xi = np.einsum("nm,mna->ma", shapes.slopes * segments.elements, r)
+    slope = by_xi / h[:, None]
     c = ds[k] + xi * (ds[k + 1] - ds[k])
-    w = np.einsum("nm,mna->ma", shapes.values, v) - c[:, None] * slope
-    return np.stack([np.einsum("nm,mna->ma", shapes.values, r), slope, w])
+    of_node = np.einsum("nm,mna->ma", shapes.values, v)
+    points = np.einsum("nm,mna->ma", shapes.values, r)
+    return np.stack([points, slope, of_node - c[:, None] * slope])

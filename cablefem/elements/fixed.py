@@ -104,10 +104,14 @@ class FixedElements(CableElements):
         return r, solve_with_particle
 
     def solve_step(self, *step: Any) -> StepResult:
-        return newmark_step(self, *step) if self.particle else super().solve_step(*step)  # particles are not compiled
+        if self.particle:  # not compiled
+            return newmark_step(self, *step)
+        return super().solve_step(*step)
 
     def collocate_steps(self, *step: Any) -> Iterator[StepResult]:
-        return collocate_first_step(self, *step) if self.particle else super().collocate_steps(*step)
+        if self.particle:
+            return collocate_first_step(self, *step)
+        return super().collocate_steps(*step)
 
     def _set_tables_and_matrices(self, element: type[skfem.Element]) -> None:
         """Set tables and matrices of the mesh from one element, which is repeated.
@@ -147,9 +151,12 @@ class FixedElements(CableElements):
         self._moments = shape_integrals(dofs, inertia, inertia[..., 0], self.n_scalar)[None]
         self._knots = np.linspace(-1.0, 0.0, n + 1)
         self._shapes = shape_polynomial_coefficients(element())
-        derivatives = [float(n) ** d * polyder(self._shapes, d, axis=1) for d in range(3)]
-        padded = [np.pad(x, ((0, 0), (0, n_loc - x.shape[1]))) for x in derivatives]
-        self._powers = np.stack(padded)  # N, N', N'' (3, n_loc, n_loc)
+        derivatives = []
+        for order in range(3):
+            derivative = float(n) ** order * polyder(self._shapes, order, axis=1)
+            missing = n_loc - derivative.shape[1]
+            derivatives.append(np.pad(derivative, ((0, 0), (0, missing))))
+        self._powers = np.stack(derivatives)  # N, N', N'' (3, n_loc, n_loc)
 
     def _unknowns_and_shape_functions_ahead(self, s: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Unknowns (n_loc, fields) and N, N', N'' (n_loc,) at s, without supports; at a node of the element ahead."""
@@ -163,7 +170,8 @@ class FixedElements(CableElements):
         kinematics = self.motion.positions_with_rates(t.ravel(), phase)
         load = self._inertia_less_weight_on_static_shape(*kinematics)
         zero = np.zeros(t.size)
-        return np.stack([zero + 1.0, zero, zero, *load], axis=1).reshape(*t.shape, -1)
+        columns = [zero + 1.0, zero, zero, *load]
+        return np.stack(columns, axis=1).reshape(*t.shape, -1)
 
     def _mass_coupling_at(self, t: float, phase: int) -> MassCoupling:
         s_o, ds, dds = self.motion.position_with_rates(t, phase)
@@ -180,7 +188,8 @@ class FixedElements(CableElements):
             q, _, a = x
             p = slice(-self.fields, None)
             r[p] = q[p] - N @ q[dofs]
-            r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
+            missing = self.inertia * a[p] - m_row @ a[dofs]
+            r[dofs] += np.outer(N, missing)
 
     def _shape_functions_on_side(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
         """Unknowns (m, n_loc), -1 for supports, and N, N', N'' (3, n_loc, m) at s (m,).
@@ -200,7 +209,9 @@ class FixedElements(CableElements):
         s_o, ds, dds = mass_kinematics.T
         row = np.arange(s_o.size)[:, None]
         dofs, shapes = self._shape_functions_on_side(s_o, "ahead")
-        q, v, a = (self._nodal_values(x, dofs, row) for x in (states.q, states.v, states.a))  # (n, n_loc, fields)
+        q = self._nodal_values(states.q, dofs, row)  # (n, n_loc, fields)
+        v = self._nodal_values(states.v, dofs, row)
+        a = self._nodal_values(states.a, dofs, row)
 
         def at(shape: Array, x: Array) -> Array:
             return np.einsum("ln,nlf->nf", shape, x)
@@ -210,10 +221,11 @@ class FixedElements(CableElements):
         dofs, shapes = self._shape_functions_on_side(s_o, "behind")
         behind = at(shapes[1], self._nodal_values(states.q, dofs, row))
         if self.particle:
-            f = self.fields
-            return MotionAtMass(states.q[:, -f:], states.v[:, -f:], states.a[:, -f:], behind, ahead)
+            p = slice(-self.fields, None)
+            return MotionAtMass(states.q[:, p], states.v[:, p], states.a[:, p], behind, ahead)
         velocity = at(N, v) + ds[:, None] * ahead
-        acceleration = at(N, a) + at(2.0 * ds * N_s, v) + at(ds**2 * N_ss + dds * N_s, q)
+        coriolis = at(2.0 * ds * N_s, v)
+        acceleration = at(N, a) + coriolis + at(ds**2 * N_ss + dds * N_s, q)
         return MotionAtMass(at(N, q), velocity, acceleration, behind, ahead)
 
     def _end_forces_with_mass(self, history: HistoryWithForces) -> Array:
@@ -224,7 +236,8 @@ class FixedElements(CableElements):
         left = history.end_forces[0] - (1.0 - s_o) * force
         right = behind + s_o * force
         of_cable = history._replace(end_forces=np.stack([left, behind, ahead, right]))
-        at_mass = self._fields_without_mass(of_cable, s_o[:, None], np.arange(s_o.size))
+        frames = np.arange(s_o.size)
+        at_mass = self._fields_without_mass(of_cable, s_o[:, None], frames)
         at_behind = at_mass.force_less_flux[..., 0]
         return np.stack([left, at_behind, at_behind + force, right])
 

@@ -38,8 +38,10 @@ class FollowingElements(CableElements):
     ) -> None:
         super().__init__(groups, **kind)
         self.reference = of = reference_mesh(elements, degree, grading)
-        unrolled = ((0,) * (degree + 1), (0,) * of.forces.shape[1]) if degree == 2 and self.fields == 2 else ((), ())
-        self._mesh = Mesh(of.dofs, of.forces, elements, *unrolled)
+        is_unrolled = degree == 2 and self.fields == 2
+        functions = (0,) * (degree + 1) if is_unrolled else ()
+        points = (0,) * of.forces.shape[1] if is_unrolled else ()
+        self._mesh = Mesh(of.dofs, of.forces, elements, functions, points)
         self._at_inertia = of.at_inertia
         self._at_force = of.at_force
         self._moments = of.moments
@@ -48,7 +50,8 @@ class FollowingElements(CableElements):
         self._operators = np.repeat(of.operators, self.fields, axis=2)
         # d/dxi of the shapes behind and ahead of the mass
         ends = np.array([of.shapes @ np.arange(degree + 1), of.shapes[:, 1]])
-        self._at_car = ends / np.diff(of.knots)[elements - 1 : elements + 1, None]
+        beside = slice(elements - 1, elements + 1)
+        self._at_car = ends / np.diff(of.knots)[beside, None]
         self.node = of.node
         self.n_scalar = of.operators.shape[2]
         self.n_dof = self.fields * self.n_scalar
@@ -69,15 +72,14 @@ class FollowingElements(CableElements):
         s_o, ds, dds = self.motion.position_with_rates(t, phase)
         if s_o > 0.0:
             return quasi_static_start(self, lambda at: solve_equilibrium(self.with_clamped_car(at)), s_o, ds)
-        shape, entrained = self._entry_accelerations_and_inertia()
+        shape, entrained = self._entry_shape_and_entrained_inertia()
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
         if ds > 0.0:
             node_a = -np.array(self._inertia_less_weight_on_static_shape(0.0, ds, dds)) / inertia
         elif dds > 0.0:
-            node_a = dds * self._entry_slope_behind(
-                inertia * dds, np.array(self._inertia_less_weight_on_static_shape(0.0, 0.0, dds))
-            )
+            load = np.array(self._inertia_less_weight_on_static_shape(0.0, 0.0, dds))
+            node_a = dds * self._entry_slope_behind(inertia * dds, load)
         else:
             raise ValueError("the travel starts with neither speed nor acceleration")
         return State(t, zero, zero.copy(), (shape[:, None] * node_a).ravel(), phase)
@@ -89,7 +91,7 @@ class FollowingElements(CableElements):
         return other
 
     # --- assembly --------------------------------------------------------------------------------------
-    def _entry_accelerations_and_inertia(self) -> tuple[Array, float]:
+    def _entry_shape_and_entrained_inertia(self) -> tuple[Array, float]:
         """Accelerations of all nodes at entry over that of the mass, and the inertia of the cable that moves.
 
         Behind the mass they are linear.  Ahead M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass.
@@ -104,7 +106,8 @@ class FollowingElements(CableElements):
         M = self.reference.operators[1, degree:, node:]
         at_mass = np.eye(M.shape[1], 1)[:, 0]
         ahead = solveh_banded(M[: M.shape[1]], at_mass, lower=True)
-        return np.concatenate([linear[1:], ahead[1:] / ahead[0]]), float(1.0 / ahead[0])
+        shape = np.concatenate([linear[1:], ahead[1:] / ahead[0]])
+        return shape, float(1.0 / ahead[0])
 
     def _entry_slope_behind(self, inertia: float, load: Array) -> Array:
         """d of `start`: inertia d + [N t - T t_static](X' + d) + load = 0."""
@@ -115,7 +118,8 @@ class FollowingElements(CableElements):
 
         def linearise(d: Array) -> tuple[Array, Array]:
             at = X_s, T, d, self.groups.alpha, self._law[3]
-            return inertia * d + section_forces(*at).force + load, inertia * np.eye(2) + section_stiffness(*at)
+            force = inertia * d + section_forces(*at).force + load
+            return force, inertia * np.eye(2) + section_stiffness(*at)
 
         d = solve_newton_dense(linearise, np.zeros(2))
         if d is None:
@@ -126,16 +130,17 @@ class FollowingElements(CableElements):
         """Steps end where the cable falls slack."""
         ends, results, taken = self._take_newmark_steps(*steps)
         if taken:
-            self.min_tension_and_position = results.item(taken - 1, 4), results.item(taken - 1, 5)
+            min_tension, s = results[taken - 1, 4:].tolist()
+            self.min_tension_and_position = min_tension, s
         return ManySteps(ends[:taken], results[: taken + 1])
 
     def _kinematics_and_load(self, t: Array, phase: int) -> Array:
         kinematics = self.motion.positions_with_rates(t.ravel(), phase)
         if not (kinematics[0].min() > 0.0 and kinematics[0].max() < 1.0):
             raise ValueError("a side of the following mesh has no length at an end of the travel")
-        return np.stack([*kinematics, *self._inertia_less_weight_on_static_shape(*kinematics)], axis=1).reshape(
-            *t.shape, -1
-        )
+        load = self._inertia_less_weight_on_static_shape(*kinematics)
+        columns = [*kinematics, *load]
+        return np.stack(columns, axis=1).reshape(*t.shape, -1)
 
     def _mass_coupling_at(self, t: float, phase: int) -> MassCoupling:
         return self._coupling
@@ -147,8 +152,11 @@ class FollowingElements(CableElements):
         first_ahead = self._mesh.n_left
         beside = self._mesh.dofs[first_ahead - 1 : first_ahead + 1]
         around = self._nodal_values(states.q, beside)  # (n, 2, n_loc, fields)
-        behind, ahead = (np.tensordot(around[:, side], self._at_car[side], axes=(1, 0)) for side in (0, 1))
-        q, v, a = (self._nodal_values(x, node) for x in (states.q, states.v, states.a))
+        behind = np.tensordot(around[:, 0], self._at_car[0], axes=(1, 0))
+        ahead = np.tensordot(around[:, 1], self._at_car[1], axes=(1, 0))
+        q = self._nodal_values(states.q, node)
+        v = self._nodal_values(states.v, node)
+        a = self._nodal_values(states.a, node)
         behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
         ahead /= (1.0 - s_o)[:, None]
         if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o

@@ -45,8 +45,9 @@ def length_from_components(vector: Any) -> Any:
 
 def strain(X_s: Any, w_s: Any, stretch: Any) -> Any:
     """|r'| - 1 without cancellation; stretch : |r'|, r' = X' + w'."""
-    squared = (2.0 * X_s[0] + w_s[0]) * w_s[0] + (2.0 * X_s[1] + w_s[1]) * w_s[1]  # |r'|^2 - 1
-    return squared / (stretch + 1.0)
+    by_x = (2.0 * X_s[0] + w_s[0]) * w_s[0]
+    by_y = (2.0 * X_s[1] + w_s[1]) * w_s[1]
+    return (by_x + by_y) / (stretch + 1.0)
 
 
 class Section(NamedTuple):
@@ -76,7 +77,8 @@ def section_stiffness(X_s: Any, T: Any, w_s: Any, alpha: float, law: float) -> A
     t = (X_s + w_s) / x.stretch
     unit = np.eye(2).reshape(2, 2, *[1] * np.ndim(x.stretch))
     across = x.N / x.stretch
-    return across * unit + (x.stiffness - across) * t[:, None] * t[None]
+    along = x.stiffness - across
+    return across * unit + along * t[:, None] * t[None]
 
 
 @skfem.LinearForm
@@ -125,10 +127,12 @@ def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int)
     mesh_motion = {"c": ds * chi, "c_s": ds * chi_s, "c_t": dds * chi}
     r = inertia_and_damping_form.assemble(basis, c_d=g.damping, **fields, **mesh_motion)
 
-    T, *slope = g.tension_and_slope(np.asarray(basis_of_forces.global_coordinates())[0])
+    at_forces = np.asarray(basis_of_forces.global_coordinates())[0]
+    T, *X_s = g.tension_and_slope(at_forces)
     w_s = basis_of_forces.interpolate(unknowns[0]).grad[:, 0]
     law = float(system.law == "tension-only")
-    r += internal_force_form.assemble(basis_of_forces, T=T, X_s=np.stack(slope), w_s=w_s, alpha=g.alpha, law=law)
+    section = {"T": T, "X_s": np.stack(X_s), "w_s": w_s}
+    r += internal_force_form.assemble(basis_of_forces, alpha=g.alpha, law=law, **section)
 
     r = r[np.argsort(number)[2:-2]]  # without the supports
     at_mass = [2 * system.node, 2 * system.node + 1]

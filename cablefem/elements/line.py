@@ -22,12 +22,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import skfem
+from numpy.typing import NDArray
 from scipy.sparse import bmat, coo_matrix, diags
 from scipy.sparse.linalg import MatrixRankWarning, spsolve
 
+from cablefem.scene.contacts import Array
 from cablefem.scene.line import Case, LineNotConverged, LineState, NoLineAtRest
 from cablefem.scene.taut import Start, first_guess
 
+Fields = dict[str, Array]  # data of the forms
 DEGREE = 4
 ORDER = 12  # of quadrature
 SOFTEST = 5.0  # first EA over H
@@ -71,7 +74,7 @@ def energy_second_derivative_by_piece_length(w):
     return w.a * w.EA * w.lam**2 / w.h
 
 
-def _vector_length(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _vector_length(x: Array, y: Array) -> Array:
     """Length of vectors, also complex ones."""
     return np.sqrt(x * x + y * y)
 
@@ -135,9 +138,10 @@ class _LineBatch:
         h = N + np.arange(self.pieces)
         self.behind = np.full(free.shape, -1)
         self.ahead = np.full(free.shape, -1)
-        u_x, u_y = self.dofs
-        self.behind[self.left + 1] = np.column_stack([u_x[:, -1], u_y[:, -1], h])
-        self.ahead[self.left] = np.column_stack([u_x[:, 0], u_y[:, 0], h])
+        first_x, first_y = self.dofs[:, :, 0]
+        last_x, last_y = self.dofs[:, :, -1]
+        self.behind[self.left + 1] = np.column_stack([last_x, last_y, h])
+        self.ahead[self.left] = np.column_stack([first_x, first_y, h])
         inner = np.setdiff1d(np.arange(N), self.dofs[:, :, [0, -1]])
         inner_numbers = int(free.sum()) + np.arange(inner.size)
         self.size = int(free.sum()) + inner.size
@@ -207,7 +211,7 @@ class _LineBatch:
                 first = last + 1 - len(case.stations)
                 yield _Condition(self.number[last, 2], first + station, "tied", tension)
 
-    def _condition_values_and_derivatives(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _condition_values_and_derivatives(self, z: Array) -> tuple[Array, Array]:
         """Values (m,) of the conditions, and their derivatives (m, 4) by the forces at the stations."""
         # complex-step differentiation
         forces = np.where(self.ends >= 0, z[self.ends], 0.0).T
@@ -216,7 +220,7 @@ class _LineBatch:
         derivatives = self._condition_values(shifted).imag.T / tiny
         return self._condition_values(forces), derivatives
 
-    def _condition_values(self, forces: np.ndarray) -> np.ndarray:
+    def _condition_values(self, forces: Array) -> Array:
         """Values of the conditions on forces (4, ..., m), x and y behind and ahead; also complex ones."""
         bx, by, ax, ay = forces
         W = self.targets
@@ -225,7 +229,9 @@ class _LineBatch:
         turn = 2.0 * (ax * by - ay * bx) + W * (bx - ax)
         across = turn / _vector_length(bx - ax, by - ay)
         # |f| = T, of the rope ahead or at the right end behind
-        tension = _vector_length(np.where(last, bx, ax), np.where(last, by, ay))
+        x = np.where(last, bx, ax)
+        y = np.where(last, by, ay)
+        tension = _vector_length(x, y)
         is_hauled = self.kinds == "hauled"
         is_tied = self.kinds == "tied"
         return np.select([is_hauled, is_tied], [across, tension - W], bx + ax)
@@ -238,7 +244,8 @@ class _LineBatch:
         H = np.concatenate([x.H for x in starts])
         chord = np.diff(stations, axis=0)[self.left]
         dx, dy, h = chord.T
-        self.N_ref = np.repeat(H * np.hypot(dx, dy) / dx, self.elements)[:, None]
+        tension = H * np.hypot(dx, dy) / dx
+        self.N_ref = np.repeat(tension, self.elements)[:, None]
         sag = self.q[:: self.elements, 0] * h * dx / (8.0 * H)
         xi = np.linspace(0.0, 1.0, self.elements + 1)
         begin = stations[self.left, :2].T
@@ -252,7 +259,7 @@ class _LineBatch:
         free = self.number >= 0
         self.X[self.number[free]] = stations[free]
 
-    def form_data(self, X: np.ndarray, softness: float) -> dict[str, np.ndarray]:
+    def form_data(self, X: Array, softness: float) -> Fields:
         """Data of the forms; softness 0 is EA, 1 is SOFTEST times the tension.
 
         The soft law N = N_ref + EA_soft (lam - lam_ref) keeps the length of the rope.
@@ -272,15 +279,13 @@ class _LineBatch:
         data = {name: np.broadcast_to(x, lam.shape) for name, x in of_elements.items()}
         return data | {"lam": lam, "N": N, "W": W, "t": slope / length, "y": u[1]}
 
-    def energy_derivatives_by_nodes_and_lengths(self, fields: dict[str, np.ndarray]) -> np.ndarray:
+    def energy_derivatives_by_nodes_and_lengths(self, fields: Fields) -> Array:
         """z = (f, g) by the nodes and by h; fields : see `form_data`."""
         of_elements = energy_derivative_by_piece_length.elemental(self.basis, **fields)
         g = of_elements.reshape(self.pieces, -1).sum(axis=1)
         return np.concatenate([weak_force.assemble(self.basis, **fields), g])
 
-    def residual_and_condition_slopes(
-        self, X: np.ndarray, fields: dict[str, np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def residual_and_condition_slopes(self, X: Array, fields: Fields) -> tuple[Array, Array]:
         """The residual (size,), and the derivatives of `_condition_values_and_derivatives`."""
         z = self.energy_derivatives_by_nodes_and_lengths(fields)
         value, slope = self._condition_values_and_derivatives(z)
@@ -288,22 +293,24 @@ class _LineBatch:
         R[self.rows] = value
         return R, slope
 
-    def tangent(self, fields: dict[str, np.ndarray], condition_slopes: np.ndarray) -> Any:
+    def tangent(self, fields: Fields, condition_slopes: Array) -> Any:
         """Derivatives of the residual, sparse (size, size)."""
         by_length = weak_force_derivative_by_piece_length.assemble(self.basis, **fields)
         piece = np.empty(self.basis.N, int)
         piece[self.basis.element_dofs] = np.repeat(np.arange(self.pieces), self.elements)
-        C = coo_matrix((by_length, (np.arange(piece.size), piece)), (piece.size, self.pieces))
+        of_pieces = np.arange(piece.size), piece
+        C = coo_matrix((by_length, of_pieces), (piece.size, self.pieces))
         of_elements = energy_second_derivative_by_piece_length.elemental(self.basis, **fields)
         D = diags(of_elements.reshape(self.pieces, -1).sum(axis=1))
         by_r = weak_force_derivative_by_r.assemble(self.basis, **fields)
         K = bmat([[by_r, C], [C.T, D]], format="csr")
         real = self.ends >= 0
-        rows = np.broadcast_to(self.rows[:, None], real.shape)[real]
-        special = coo_matrix((condition_slopes[real], (rows, self.ends[real])), self.B.shape)
+        rows = np.broadcast_to(self.rows[:, None], real.shape)
+        at_ends = rows[real], self.ends[real]
+        special = coo_matrix((condition_slopes[real], at_ends), self.B.shape)
         return (self.B + special.tocsr()) @ K @ self.T + diags(self.spring)
 
-    def residual_norm_per_case(self, R: np.ndarray) -> np.ndarray:
+    def residual_norm_per_case(self, R: Array) -> Array:
         return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
 
     def solve(self) -> list[LineState | NoLineAtRest]:
@@ -322,7 +329,7 @@ class _LineBatch:
             solved[i] = LineNotConverged("no state of rest was found")
         return solved
 
-    def _iterate_newton(self, softness: float, tolerance: float, stuck: np.ndarray) -> None:
+    def _iterate_newton(self, softness: float, tolerance: float, stuck: NDArray[np.bool_]) -> None:
         """Set X by Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,)."""
         fields = self.form_data(self.X, softness)
         R, slope = self.residual_and_condition_slopes(self.X, fields)
@@ -395,4 +402,5 @@ def _solve_with_guesses(cases: Sequence[tuple[Case, Start]], elements: int) -> l
         half = len(cases) // 2
         if not half:
             return [error]
-        return [*_solve_with_guesses(cases[:half], elements), *_solve_with_guesses(cases[half:], elements)]
+        first = _solve_with_guesses(cases[:half], elements)
+        return first + _solve_with_guesses(cases[half:], elements)

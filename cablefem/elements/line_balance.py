@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
@@ -20,7 +19,7 @@ from cablefem.elements.bodies import (
     masses_drag_and_friction,
 )
 from cablefem.elements.bordered import BandMatrix, DenseMatrix, Matrix
-from cablefem.elements.line_coordinates import Coordinates, LineCoordinates
+from cablefem.elements.line_coordinates import Coordinates, LineCoordinates, Mask, Slots
 from cablefem.elements.segments import Law
 from cablefem.newmark import Array, Solve, TangentFactors
 from cablefem.scene.contacts import Contact, MovingLine
@@ -57,20 +56,18 @@ class LineBalance(LineCoordinates):
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
         self._unloaded_cars = masses_drag_and_friction(line.cars_on_rope, line.gravity)
         self._steady_cars: CarLoadsAndMasses | None = None  # those of cars that do not change
-        self._rolls = any(car.drive_kind == "free" for car in line.cars_on_rope)
         self.signs = np.array([line.travel_direction(c, 0) if c.travel else 1.0 for c in line.cars_on_rope])
         self.brakes = np.zeros(len(line.cars_on_rope))  # [N] that act on free cars
         self.rear_brakes = np.zeros(len(line.cars_on_rope))  # [N] of them at the rear one of two wheels
         self.hold = np.zeros(len(line.cars_on_rope))  # [N] f that holds free cars at the start
 
     def _set_springs_and_counterweights(self) -> None:
-        self._springs: list[tuple[NDArray[np.intp], Array, Contact]] = []  # slots of x and y, stiffness
+        self._springs: list[tuple[Slots, Array, Contact]] = []  # slots of x and y, stiffness
         self._weights: list[tuple[int, int]] = []  # slot of s and number of the end
         for k in (0, -1):
             end = self.line.supports[k]
             if end.stiffness is not None:
-                point = 2 * int(self.node[k]) + np.arange(2)
-                self._springs.append((point, np.array(end.stiffness), end))
+                self._springs.append((self.xy[k], np.array(end.stiffness), end))
             if end.force is not None:
                 self._weights.append((int(self.s[k]), k))
 
@@ -132,7 +129,8 @@ class LineBalance(LineCoordinates):
         self._add_support_rows(rows, x)
         for trolley in self.trolleys:
             inputs = trolley.force_inputs(x, rows[..., trolley.points.ravel()])
-            rows[..., trolley.rows] += np.stack(trolley.forces(cars, inputs).rows, axis=-1)
+            forces = trolley.forces(cars, inputs)
+            rows[..., trolley.rows] += np.stack(forces.rows, axis=-1)
         for slot, rail in self.rails:
             slope = rail.depth_with_derivatives(x.q[..., slot])[1]
             rows[..., slot] += slope * rows[..., slot + 1]
@@ -178,7 +176,9 @@ class LineBalance(LineCoordinates):
         for slots, stiffness, spring in self._springs:
             rows[..., slots] += stiffness * (x.q[..., slots] - spring.point)
         for slot, k in self._weights:
-            rows[..., slot] += self.counterweight_row(k, x.v[..., slot], x.a[..., slot])
+            ds = x.v[..., slot]
+            dds = x.a[..., slot]
+            rows[..., slot] += self.counterweight_row(k, ds, dds)
 
     def _counterweight_mass_and_sign(self, end: int, force: float) -> tuple[float, float]:
         """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
@@ -196,7 +196,8 @@ class LineBalance(LineCoordinates):
         mass, sign = self._counterweight_mass_and_sign(end, force)
         N = force + sign * mass * dds
         speed = ds * (1.0 + N / EA)
-        entering = self.line.weight_per_length * contact.point[1] - 0.5 * self.segments.rho * speed**2
+        kinetic = 0.5 * self.segments.rho * speed**2
+        entering = self.line.weight_per_length * contact.point[1] - kinetic
         return sign * (N + N**2 / (2.0 * EA) + entering)
 
     def slopes_and_motion_at_cars(self, x: Coordinates) -> Array:
@@ -221,7 +222,7 @@ class LineBalance(LineCoordinates):
         if self._steady_cars is not None:
             return self._steady_cars
         cars = self._unloaded_cars._replace(brake=self.brakes, rear_brake=self.rear_brakes, sign=self.signs)
-        if not self._rolls:
+        if not self.free_cars:
             self._steady_cars = cars
             return cars
         times = np.ravel(t).tolist()
@@ -231,7 +232,8 @@ class LineBalance(LineCoordinates):
             thrust[:, i] = [self.line.thrust(car, at, phase) for at in times]
             held[:, i] = [car.drive.remaining_hold_fraction(at) for at in times]
         shape = (*np.shape(t), len(self.cars))
-        return cars._replace(thrust=thrust.reshape(shape), hold=(self.hold * held).reshape(shape))
+        hold = self.hold * held
+        return cars._replace(thrust=thrust.reshape(shape), hold=hold.reshape(shape))
 
     # --- tangent ---------------------------------------------------------------------------------------------
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
@@ -240,14 +242,16 @@ class LineBalance(LineCoordinates):
         return rows, self._tangent_solver_of_unknowns(t, x, phase, c)
 
     def factorised_tangent(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> Solve:
-        return self._tangent_solver_of_unknowns(t, self.coordinates_from_unknowns(t, q, v, a, phase), phase, c)
+        x = self.coordinates_from_unknowns(t, q, v, a, phase)
+        return self._tangent_solver_of_unknowns(t, x, phase, c)
 
     def _tangent_solver_of_unknowns(self, t: float, x: Coordinates, phase: int, c: TangentFactors) -> Solve:
         """The solution for all unknowns, 0 for s of cars that stick."""
         sticking = self.sticking_unknowns
         moving = self.free.copy()
         moving[self._unknown[sticking]] = False
-        solve_moving = self.tangent_solver(x, RopeAndCars(self.law, self.car_loads_and_masses(t, phase)), c, moving)
+        rope_and_cars = RopeAndCars(self.law, self.car_loads_and_masses(t, phase))
+        solve_moving = self.tangent_solver(x, rope_and_cars, c, moving)
         if not sticking:
             return solve_moving
 
@@ -257,9 +261,7 @@ class LineBalance(LineCoordinates):
         gaps = np.array(sticking) - np.arange(len(sticking))  # places of the zeros among the others
         return solve
 
-    def tangent_solver(
-        self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: NDArray[np.bool_]
-    ) -> Solve:
+    def tangent_solver(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: Mask) -> Solve:
         """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free coordinates; without c2 forces F/M count once."""
         rope_rows = self._rope_rows_noting_loads(x, *rope_and_cars) if self.trolleys else np.empty(0)
         if not self.compiled:
@@ -289,13 +291,14 @@ class LineBalance(LineCoordinates):
         return matrix
 
     def _sparse_tangent_solver(
-        self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: NDArray[np.bool_], rope_rows: Array
+        self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: Mask, rope_rows: Array
     ) -> Solve:
         """`tangent_solver` by numpy and a sparse factorisation."""
         law, cars = rope_and_cars
         of_segments = self.segments.tangent(self.segment_motion(x), Law(*law), c)
-        of_nodes = 2 * self.nodes[..., None] + np.arange(2)  # (K, nn, 2)
-        slots = np.column_stack([of_nodes.reshape(len(self.nodes), -1), self.s[:-1], self.s[1:]])  # (K, m)
+        xy = 2 * self.nodes[..., None] + np.arange(2)  # (K, nn, 2)
+        of_nodes = xy.reshape(len(xy), -1)
+        slots = np.column_stack([of_nodes, self.s[:-1], self.s[1:]])  # (K, m)
         matrix = DenseMatrix(np.zeros((self.size, self.size), of_segments.dtype))
         np.add.at(matrix.matrix, (slots[:, :, None], slots[:, None, :]), of_segments)
         if self.points:
@@ -342,7 +345,7 @@ class LineBalance(LineCoordinates):
         for i in self.points:
             k = self.cars[i]
             swing = self.swing[np.equal(self.of_swing, i)]
-            slots = [*(2 * self.node[k] + np.arange(2)), self.s[k], *swing]
+            slots = [*self.xy[k], self.s[k], *swing]
             by_coordinates = self._car_inputs_by_coordinates(i, x, c, matrix.dtype)
             matrix.matrix[slots] += jacobian[i, : len(slots)] @ by_coordinates
 
@@ -360,10 +363,11 @@ class LineBalance(LineCoordinates):
             for axis in range(2):
                 row = out[2 * side + axis]
                 row[2 * self.nodes[j] + axis] = per_h * self.segments.end_slopes[end]
-                row[self.s[[j, j + 1]]] += per_h * slopes[end, j, axis] * np.array([1.0, -1.0])
-        point = 2 * self.node[k] + np.arange(2)
-        out[[4, 5], point] = c1
-        out[[6, 7], point] = c2
+                by_s = per_h * slopes[end, j, axis]
+                row[self.s[j]] += by_s
+                row[self.s[j + 1]] -= by_s
+        out[[4, 5], self.xy[k]] = c1
+        out[[6, 7], self.xy[k]] = c2
         out[8, self.force[np.equal(self.of_force, i)]] = c2 or 1.0
         swing = self.swing[np.equal(self.of_swing, i)]
         for row, factor in zip(out[9:], c, strict=True):

@@ -22,6 +22,10 @@ from cablefem.scene.rail import Rail
 CACHED_INSTANTS = 8  # instants whose prescribed coordinates are kept: a step's nodes are evaluated several times
 
 
+Slots = NDArray[np.intp]  # numbers of coordinates
+Mask = NDArray[np.bool_]
+
+
 class Coordinates(NamedTuple):
     """Positions, velocities and accelerations of all coordinates, (..., size) each."""
 
@@ -52,7 +56,8 @@ class LineCoordinates(System):
 
     def _number_slots(self) -> None:
         """Number contacts of cars and supports, and the slots of s and F/M."""
-        self.s = 2 * self.n + np.arange(self.node.size)  # slots of s
+        self.xy = 2 * self.node[:, None] + np.arange(2)  # slots of x and y of the contacts, (contacts, 2)
+        self.s = 2 * self.n + np.arange(self.node.size)  # slots of s of the contacts
         self.cars: list[int] = []  # contact of each car; of two wheels the front one
         self.supports: list[int] = []  # contact of each support
         for k, contact in enumerate(self.line.contacts_and_wheels):
@@ -63,9 +68,10 @@ class LineCoordinates(System):
         # numbers of hauled cars, and their slots of F/M
         self.of_force = [i for i, car in enumerate(self.line.cars_on_rope) if car.drive.mode == "haul"]
         self.force = self.s[-1] + 1 + np.arange(len(self.of_force))
+        self.free_cars = [i for i, car in enumerate(self.line.cars_on_rope) if car.drive_kind == "free"]
 
     @property
-    def _force_slots(self) -> NDArray[np.intp]:
+    def _force_slots(self) -> Slots:
         """Slots of F/M of the cars, or -1."""
         slots = np.full(len(self.cars), -1)
         slots[self.of_force] = self.force
@@ -80,7 +86,8 @@ class LineCoordinates(System):
         self.trolleys = [Trolley(car, i, self.cars[i]) for i, car in cars if car.wheels is not None]
         for trolley in self.trolleys:
             force = int(self._force_slots[trolley.i])
-            trolley.set_slots(first + np.arange(3), force, self.nodes, self.s, self.segments.end_slopes)
+            body = first + np.arange(3)
+            trolley.set_slots(body, force, self.nodes, self.s, self.segments.end_slopes)
             first += 3
         swinging = self.line.swinging_cars_off_rope
         self.swing_off_rope = {car.name: first + i for i, car in enumerate(swinging)}  # slots of phi
@@ -91,7 +98,7 @@ class LineCoordinates(System):
         self.rails: list[tuple[int, Rail]] = []  # with slots of x
         for k, car in zip(self.cars, self.line.cars_on_rope, strict=True):
             if car.rail is not None:
-                self.rails.append((2 * int(self.node[k]), car.rail))
+                self.rails.append((int(self.xy[k, 0]), car.rail))
         saddles = {self.line.contacts_and_wheels[k].name: int(self.s[k]) for k in self.supports}  # slots of s
         self.off_rope: dict[str, CarOffRope] = {}
         for car in self.line.cars_off_rope:
@@ -104,7 +111,7 @@ class LineCoordinates(System):
         if self.line.cars_on_rope[i].drive_kind != "haul_x":
             return self.slot_of_s(i)
         trolley_slots = {trolley.i: int(trolley.body[0]) for trolley in self.trolleys}
-        return trolley_slots.get(i, 2 * int(self.node[self.cars[i]]))
+        return trolley_slots.get(i, int(self.xy[self.cars[i], 0]))
 
     def slot_of_s(self, i: int) -> int:
         """Slot of s of car i; of two wheels that of the front one."""
@@ -116,13 +123,12 @@ class LineCoordinates(System):
         self.constant = np.zeros(self.size)
         self.prescribed: list[tuple[Car, int]] = []
         for k, contact in enumerate(self.line.contacts_and_wheels):
-            point = 2 * self.node[k] + np.arange(2)
             if isinstance(contact, Contact):
                 self._prescribe_support(k, contact)
             elif isinstance(contact, Wheel):
-                self.free[point] = False
+                self.free[self.xy[k]] = False
             elif contact.rail is not None:
-                self.free[point[1]] = False
+                self.free[self.xy[k, 1]] = False
         for i, car in enumerate(self.line.cars_on_rope):
             if car.travel is not None:
                 slot = self.slot_set_by_travel(i)
@@ -130,10 +136,9 @@ class LineCoordinates(System):
                 self.prescribed.append((car, slot))
 
     def _prescribe_support(self, k: int, support: Contact) -> None:
-        point = 2 * self.node[k] + np.arange(2)
         if support.kind != "spring":
-            self.free[point] = False
-            self.constant[point] = support.point
+            self.free[self.xy[k]] = False
+            self.constant[self.xy[k]] = support.point
         if support.kind in ("anchor", "spring"):
             self.free[self.s[k]] = False
             self.constant[self.s[k]] = (self.line.rope.length or 0.0) if k else 0.0

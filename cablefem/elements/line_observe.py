@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cablefem.elements.bodies import INPUTS, CarLoadsAndMasses, ForcesOnCars, forces_on_cars
+from cablefem.elements.bodies import CarLoadsAndMasses, ForcesOnCars, forces_on_cars
 from cablefem.elements.off_rope import CarOffRope
 from cablefem.elements.segments import Motion, dot
 from cablefem.elements.trolley import Trolley, TrolleyForces
@@ -31,16 +31,14 @@ class _History:
         self.t = np.array([x.t for x in states])
         self.phase = [x.phase for x in states]
         self.none = np.full(self.t.size, np.nan)
-        coordinates = [system.coordinates_from_unknowns(*x) for x in states]
-        self.q, self.v, self.a = np.stack(coordinates, axis=1)  # (n, size)
-        motions = [system.segment_motion(x) for x in coordinates]
+        self.coordinates = [system.coordinates_from_unknowns(*x) for x in states]
+        self.q, self.v, self.a = np.stack(self.coordinates, axis=1)  # (n, size)
+        motions = [system.segment_motion(z) for z in self.coordinates]
         self.motion = Motion(*map(np.concatenate, zip(*motions, strict=True)))  # of n K segments
         self.points = self.segments.fields_of_motion(self.motion)
         nodal_rows, end_rows = self.segments.node_and_end_rows(self.points)
-        slopes = self.segments.slopes_at_ends(self.motion)
         self.end_rows = self.split_by_time(end_rows)  # (2, n, K) of s
-        self.slopes = self.split_by_time(slopes)  # (2, n, K, 2)
-        self._set_end_forces(nodal_rows, slopes)
+        self._set_end_forces(nodal_rows, self.segments.slopes_at_ends(self.motion))
 
     def split_by_time(self, values: Array) -> Array:
         """(e, n K, ...) as (e, n, K, ...)."""
@@ -52,13 +50,14 @@ class _History:
         v = self.motion.v[:, [0, -1]].swapaxes(0, 1)
         flow = self.segments.rho * ds * (v - ds * end_slopes)
         rows = nodal_rows[:, [0, -1]].swapaxes(0, 1)
-        forces = np.stack([-(rows[0] + flow[0]), rows[1] - flow[1]])
+        at_left = -(rows[0] + flow[0])
+        at_right = rows[1] - flow[1]
         self.end_node_rows = self.split_by_time(rows)
-        self.end_forces = self.split_by_time(forces)
+        self.end_forces = self.split_by_time(np.stack([at_left, at_right]))
 
     def contact_points(self, k: int, coordinates: Array) -> Array:
         """Points of contact k (n, 2), or their rates, from coordinates (n, size)."""
-        return coordinates[:, 2 * self.system.node[k] + np.arange(2)]
+        return coordinates[:, self.system.xy[k]]
 
     def behind_and_ahead(self, k: int, segment_ends: Array) -> tuple[Array, Array]:
         """Values beside contact k, of those at the ends of segments (2, n, K, ...); nan beyond the rope."""
@@ -86,7 +85,7 @@ class _CarsInMotion(NamedTuple):
     """Of all cars on the rope at all times, (n, cars, ...); without meaning for those on two wheels."""
 
     data: CarLoadsAndMasses
-    slopes_and_motion: Array  # see `bodies.INPUTS`
+    slopes_and_motion: Array  # see `bodies.INPUTS`; of two wheels those of the front one
     forces: ForcesOnCars
 
 
@@ -105,7 +104,8 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
         cars.append(motion)
     kinetic = x.integral_over_rope(0.5 * system.segments.rho * dot(x.points.w, x.points.w))
     potential = -x.integral_over_rope(system.segments.q * x.points.y)
-    for car, motion in zip((*line.cars_on_rope, *line.cars_off_rope), cars, strict=True):
+    all_cars = (*line.cars_on_rope, *line.cars_off_rope)
+    for car, motion in zip(all_cars, cars, strict=True):
         kinetic = kinetic + _car_kinetic_energy(car, motion)
         potential = potential - car.mass * line.gravity * motion.point[:, 1]
         if motion.turning is not None:
@@ -134,7 +134,8 @@ def _rope_and_spring_energy(x: _History) -> Array:
         support = x.system.line.supports[k]
         if support.stiffness is not None:
             away = x.contact_points(k, x.q) - support.point
-            energy = energy + 0.5 * np.sum(np.array(support.stiffness) * away**2, axis=1)
+            stiffness = np.array(support.stiffness)
+            energy = energy + 0.5 * np.sum(stiffness * away**2, axis=1)
     return energy
 
 
@@ -194,7 +195,7 @@ def _car_motions_and_powers(x: _History) -> tuple[list[CarMotion], Powers]:
     if not system.cars:
         return [], {}
     data = _car_loads_and_masses_over_time(x)
-    slopes_and_motion = _slopes_and_motion_at_cars(x)
+    slopes_and_motion = np.array([system.slopes_and_motion_at_cars(z) for z in x.coordinates])
     cars = _CarsInMotion(data, slopes_and_motion, forces_on_cars(data, slopes_and_motion))
     trolleys = {trolley.i: trolley for trolley in system.trolleys}
     motions = []
@@ -210,37 +211,18 @@ def _car_motions_and_powers(x: _History) -> tuple[list[CarMotion], Powers]:
     return motions, powers
 
 
-def _slopes_and_motion_at_cars(x: _History) -> Array:
-    """See `LineBalance.slopes_and_motion_at_cars`, (n, cars, INPUTS); of two wheels those of the front one."""
-    system = x.system
-    out = np.zeros((x.t.size, len(system.cars), INPUTS))
-    for i, k in enumerate(system.cars):
-        behind, ahead = x.behind_and_ahead(k, x.slopes)
-        out[:, i, 0:2] = behind
-        out[:, i, 2:4] = ahead
-        out[:, i, 4:6] = x.contact_points(k, x.v)
-        out[:, i, 6:8] = x.contact_points(k, x.a)
-    out[:, system.of_force, 8] = x.a[:, system.force]
-    out[:, system.of_swing, 9] = x.q[:, system.swing]
-    out[:, system.of_swing, 10] = x.v[:, system.swing]
-    out[:, system.of_swing, 11] = x.a[:, system.swing]
-    return out
-
-
 def _point_car_motion(x: _History, i: int, cars: _CarsInMotion) -> CarMotion:
     """Motion of car i, which stands on one contact."""
     k = x.system.cars[i]
     car = x.system.line.cars_on_rope[i]
     forces = cars.forces
     own = cars.slopes_and_motion[:, i]
-    contact = _wheel_motion(x, car.name, k, forces.normal[:, i], (own[:, 0:2], own[:, 2:4]))
+    slopes = own[:, 0:2], own[:, 2:4]
+    contact = _wheel_motion(x, car.name, k, forces.normal[:, i], slopes)
     missing_force = x.row_of_contact(k, x.end_node_rows) + forces.contact[:, i]
-    on_car = _ForcesOnCar(
-        haul=forces.haul[:, i],
-        grip=x.row_of_contact(k, x.end_rows) / forces.stretch[:, i],
-        contact=contact.load,
-        shoe=_force_on_shoe(car, contact.point, missing_force),
-    )
+    shoe = _force_on_shoe(car, contact.point, missing_force)
+    grip = x.row_of_contact(k, x.end_rows) / forces.stretch[:, i]
+    on_car = _ForcesOnCar(forces.haul[:, i], grip, contact.load, shoe)
     turning = None
     if car.hanger is not None:
         turning = _swing_motion(own[:, 9:12], contact.point, cars.data.arm[i])
@@ -286,12 +268,13 @@ def _point_car_powers(x: _History, i: int, cars: _CarsInMotion, motion: CarMotio
     data = cars.data
     forces = cars.forces
     ds = motion.ds
+    stretch = forces.stretch[:, i]
     along = np.sum(forces.tau[:, i] * motion.velocity, axis=1)
     powers = {}
     if car.drive_kind == "grip":
         powers["grip"] = x.row_of_contact(x.system.cars[i], x.end_rows) * ds
     else:
-        powers["friction"] = forces.stretch[:, i] * forces.friction[:, i] * ds
+        powers["friction"] = stretch * forces.friction[:, i] * ds
         powers["drag"] = forces.air_power[:, i]
     if motion.turning is not None:
         powers["swing"] = -data.resistance[i] * motion.turning.rate**2
@@ -299,7 +282,7 @@ def _point_car_powers(x: _History, i: int, cars: _CarsInMotion, motion: CarMotio
         powers["haul"] = forces.haul[:, i] * along
     if car.drive_kind == "free":
         powers["thrust"] = data.thrust[:, i] * along
-        powers["hold"] = forces.stretch[:, i] * data.hold[:, i] * ds
+        powers["hold"] = stretch * data.hold[:, i] * ds
     return powers
 
 
@@ -322,8 +305,8 @@ def _state_off_rope(x: _History, off_rope: CarOffRope, states: Sequence[State]) 
 def _swing_motion(swing: Array, point: Array, arm: float) -> Turning:
     """Swing of a cabin, from its angle, rate and acceleration (n, 3); arm [m] from the point (n, 2)."""
     angle, rate, acceleration = swing.T
-    below = arm * np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    return Turning(angle=angle, rate=rate, acceleration=acceleration, centre=point + below)
+    below = np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    return Turning(angle=angle, rate=rate, acceleration=acceleration, centre=point + arm * below)
 
 
 def _force_on_shoe(car: Car, point: Array, missing_force: Array) -> Array:
@@ -337,8 +320,10 @@ def _trolley_motion_and_powers(x: _History, trolley: Trolley, data: CarLoadsAndM
     """Motion of a car on two wheels, and its powers by force."""
     car = trolley.car
     k = trolley.k
-    rope_rows = [x.row_of_contact(wheel, x.end_node_rows) for wheel in (k - 1, k)]
-    inputs = trolley.force_inputs((x.q, x.v, x.a), np.concatenate(rope_rows, axis=1))
+    rear_row = x.row_of_contact(k - 1, x.end_node_rows)
+    front_row = x.row_of_contact(k, x.end_node_rows)
+    rope_rows = np.concatenate([rear_row, front_row], axis=1)
+    inputs = trolley.force_inputs((x.q, x.v, x.a), rope_rows)
     forces = trolley.forces(data, inputs)
     wheels = []
     slopes = [*trolley.rope_slopes_at_wheels(x.q).swapaxes(0, 1)]  # (n, 2) each
@@ -355,12 +340,8 @@ def _trolley_motion_and_powers(x: _History, trolley: Trolley, data: CarLoadsAndM
         wheels=(rear, front),
     )
     row_of_s = x.row_of_contact(k, x.end_rows)
-    on_car = _ForcesOnCar(
-        haul=car.mass * x.a[:, trolley.force],
-        grip=row_of_s / forces.stretch,
-        contact=forces.loads[0] + forces.loads[1],
-        shoe=np.zeros(x.t.size),
-    )
+    haul = car.mass * x.a[:, trolley.force]
+    on_car = _ForcesOnCar(haul, row_of_s / forces.stretch, rear.load + front.load, np.zeros(x.t.size))
     motion = _car_motion(x, car, k, wheels, on_car, turning)
     return motion, _trolley_powers(car, forces, rear, front, row_of_s)
 
@@ -434,8 +415,10 @@ def _rope_points_and_tensions(x: _History, s: Array) -> tuple[Array, Array]:
     instant = np.arange(x.t.size)[:, None, None]
     nodal = r[instant, segment[..., None], shapes.nodes]  # (n, m, n_loc, 2)
     points = np.einsum("lnm,nmla->nma", shapes.values, nodal)
-    slope = np.einsum("lnm,nmla->nma", shapes.slopes, nodal) * (x.segments.elements / h)[..., None]
-    tension = x.system.line.rope.EA * (np.linalg.norm(slope, axis=2) - 1.0)
+    by_element = np.einsum("lnm,nmla->nma", shapes.slopes, nodal)
+    slope = by_element * (x.segments.elements / h)[..., None]
+    strain = np.linalg.norm(slope, axis=2) - 1.0
+    tension = x.system.line.rope.EA * strain
     beyond = ~((xi >= 0.0) & (xi <= 1.0))
     points[beyond] = np.nan
     tension[beyond] = np.nan

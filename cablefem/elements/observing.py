@@ -138,27 +138,29 @@ def observe_cable(system: CableElements, mesh_kinematics: Array, states: States)
         rows = slice(block[0], block[-1] + 1)
         at = mesh_kinematics[:, rows]
         x = np.empty((system.n_scalar, 3, system.fields, at.shape[1]))
-        for i, of in enumerate((states.q, states.v, states.a)):
-            x[:, i] = of[rows, :size].T.reshape(system.n_scalar, system.fields, -1)
+        for i, history in enumerate((states.q, states.v, states.a)):
+            of_cable = history[rows, :size].T
+            x[:, i] = of_cable.reshape(system.n_scalar, system.fields, -1)
         q = np.ascontiguousarray(x[:, 0])
         v = np.ascontiguousarray(x[:, 1])
         kinetic = kinetic_energy(system, at, q, v)
         strained = strain_state(system, at, q)
         parts.append((kinetic, *strained, _multiply(columns, x)))
-    kinetic, *arrays, moments = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
+    joined = [np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)]
+    kinetic, *arrays, moments = joined
     strained = StrainState(*arrays)
     of_sides = moments.reshape(-1, 4, *moments.shape[1:])
     potential = np.zeros_like(kinetic)
     if system.fields == 2:
-        depth = sum(h * x[0, 0, 1] for x, h, _ in _with_side_lengths(of_sides, mesh_kinematics[0]))  # int v ds
+        sides = _sides_with_lengths_and_signs(of_sides, mesh_kinematics[0])
+        depth = sum(h * x[0, 0, 1] for x, h, _ in sides)  # int v ds
         potential -= system.groups.sigma * depth
     ends = _end_forces(system, mesh_kinematics, of_sides, states.v, strained.force)
-    return CableState(
-        kinetic, potential, strained.energy, strained.tension_min, strained.tension_min_at, strained.rise, ends
-    )
+    energy, tension_min, tension_min_at, rise, _ = strained
+    return CableState(kinetic, potential, energy, tension_min, tension_min_at, rise, ends)
 
 
-def _with_side_lengths(values: Array, s_o: Array) -> list[tuple[Array, Array, float]]:
+def _sides_with_lengths_and_signs(values: Array, s_o: Array) -> list[tuple[Array, Array, float]]:
     """Values of the sides, each with the length h and dh/ds_o of its side; a fixed mesh has one."""
     return list(zip(values, (s_o, 1.0 - s_o), (1.0, -1.0), strict=False))
 
@@ -217,15 +219,19 @@ def strain_state(system: CableElements, mesh_kinematics: Array, q: Array) -> Str
         alpha, T_chord, curvature, lam, kap, kind = system._law
         (w_s,) = w_s
         y = curvature * (0.5 - s)
-        eps = lam * np.sum(weight * (y * w_s + 0.5 * kap * w_s * w_s), axis=0)
+        local = y * w_s + 0.5 * kap * w_s * w_s
+        eps = lam * np.sum(weight * local, axis=0)
         N, _, W = tension_stiffness_energy(eps, T_chord, alpha, kind)
         tension_min = T_chord + alpha * eps
         tension_min_at = np.full(s_o.size, 0.5)
         rise = N - T_chord
-        energy = 0.5 * T_chord * np.sum(weight * w_s * w_s, axis=0) + W - T_chord * eps
+        transverse = 0.5 * T_chord * np.sum(weight * w_s * w_s, axis=0)
+        energy = transverse + W - T_chord * eps
         f = (T_chord * w_s + rise * (y + kap * w_s))[None]
-    of_sides = np.where([points.behind[:, 0], ~points.behind[:, 0]], points.weights[:, 0], 0.0)  # (2, p)
-    return StrainState(energy, tension_min, tension_min_at, rise, np.tensordot(of_sides, f, (1, 1)))
+    behind = points.behind[:, 0]
+    of_sides = np.where([behind, ~behind], points.weights[:, 0], 0.0)  # (2, p)
+    force = np.tensordot(of_sides, f, (1, 1))
+    return StrainState(energy, tension_min, tension_min_at, rise, force)
 
 
 def _end_forces(system: CableElements, mesh_kinematics: Array, moments: Array, v: Array, internal: Array) -> Array:
@@ -240,14 +246,17 @@ def _end_forces(system: CableElements, mesh_kinematics: Array, moments: Array, v
     c_d = system.groups.damping
     dds = dds + c_d * ds
     at_node = ds * system._nodal_values(v, system.node).T
-    for (of, h, sign), near, end in zip(_with_side_lengths(moments, s_o), (1, 2), (0, 3), strict=False):
-        of_q, of_v, of_a = np.moveaxis(of, 1, 0)  # (4, fields, n)
+    for side, (of_side, h, sign) in enumerate(_sides_with_lengths_and_signs(moments, s_o)):
+        near = 1 + side  # the end at the mass
+        support = 3 * side
+        of_q, of_v, of_a = np.moveaxis(of_side, 1, 0)  # (4, fields, n)
         dh = sign * ds + c_d * h
-        total, tested = h * of_a[:2] + dh * of_v[:2] - dds * of_q[2:] - ds * of_v[2:]
+        inertia = h * of_a[:2] + dh * of_v[:2]
+        total, tested = inertia - dds * of_q[2:] - ds * of_v[2:]
         flux = np.divide(ds**2 * of_q[3], h, out=np.zeros_like(tested), where=h > 0.0)
-        force = sign * tested + ds * of_v[1] - flux + internal[near - 1]
+        force = sign * tested + ds * of_v[1] - flux + internal[side]
         out[near] = force - at_node
-        out[end] = force - sign * total
+        out[support] = force - sign * total
     entering = s_o == 0.0  # nothing is behind the mass
     out[:2, :, entering] = out[2, :, entering].T
     return out
@@ -260,7 +269,8 @@ class StationPoints:
         rows = s_o.size
         s_o = s_o[:, None]
         behind = (s <= s_o) & (s_o > 0.0)
-        self.x = np.clip((s - s_o) / np.where(behind, s_o, 1.0 - s_o), -1.0, 1.0)  # (k, m) between the knots
+        h = np.where(behind, s_o, 1.0 - s_o)
+        self.x = np.clip((s - s_o) / h, -1.0, 1.0)  # (k, m) between the knots
         element = np.searchsorted(knots[1:-1], self.x)
         element = np.where(behind, element, np.maximum(element, n_left))
         self.inside = (self.x - knots[element]) / np.diff(knots)[element]  # (k, m) position in the element
@@ -327,7 +337,8 @@ def _kink_force(system: CableElements, beside: _BesideMass) -> Array:
     """<N t> . [r'] - [W] (n,), whose power the mass takes from the cable."""
     behind, ahead = beside.sections(system)
     mean = 0.5 * (behind.force + ahead.force) + beside.T * beside.X_s  # <N t>
-    return np.sum(mean * (beside.ahead - beside.behind), axis=0) - (ahead.energy - behind.energy)
+    work = np.sum(mean * (beside.ahead - beside.behind), axis=0)
+    return work - (ahead.energy - behind.energy)
 
 
 def _tensions_and_reactions(
@@ -338,13 +349,15 @@ def _tensions_and_reactions(
     at_behind, at_ahead = beside.sections(system)
     T_ends, x_ends, y_ends = system.groups.tension_and_slope(np.array([0.0, 1.0]))
     static_ends = np.stack([T_ends * x_ends, T_ends * y_ends])  # (2 fields, 2 ends)
+    left = end_forces[0] + static_ends[:, :1]
+    right = end_forces[3] + static_ends[:, 1:]
     return {
         "T_behind": _tension_from_momentum(system, end_forces[1], mesh_speed, (X_s, T, behind)),
         "T_ahead": _tension_from_momentum(system, end_forces[2], mesh_speed, (X_s, T, ahead)),
         "T_behind_pointwise": at_behind.N,
         "T_ahead_pointwise": at_ahead.N,
-        "reaction_left": -(end_forces[0] + static_ends[:, :1]).T,
-        "reaction_right": (end_forces[3] + static_ends[:, 1:]).T,
+        "reaction_left": -left.T,
+        "reaction_right": right.T,
     }
 
 
@@ -373,6 +386,7 @@ def _tension_from_momentum(
     flux = mesh_speed * mesh_speed
     x, y = force_less_flux + (T - flux) * static  # N t - c^2 r'
     size = length_from_components((x, y))
-    size = np.where(x * slope[0] + y * slope[1] < 0.0, -size, size)
+    is_backward = x * slope[0] + y * slope[1] < 0.0
+    size = np.where(is_backward, -size, size)
     N = (size + flux * (1.0 - T / alpha)) / (1.0 - flux / alpha)
     return np.maximum(N, 0.0) if system.law == "tension-only" else N

@@ -30,8 +30,10 @@ class CarOffRope:
 
     def points_with_rates(self, t: Array, z: Array, phase: int) -> Array:
         """Its points with their rates (n, 3, 2) at the times t (n,), from coordinates with rates z (3, n, size)."""
-        each = zip(t.tolist(), z[..., self.saddle].T, strict=True)
-        return np.array([self.line.point_with_rates_off_rope(self.car, at, phase, s) for at, s in each])
+        points = []
+        for at, rope_flow in zip(t.tolist(), z[..., self.saddle].T, strict=True):
+            points.append(self.line.point_with_rates_off_rope(self.car, at, phase, rope_flow))
+        return np.array(points)
 
     def forces(self, points: Array, z: Array) -> ForcesOnCars:
         """Forces (n, 1), of which `contact` is what rail and drive take; z : coordinates with rates (3, n, size)."""
@@ -50,7 +52,8 @@ class CarOffRope:
             return
         on = self.forces(self.points_with_rates(t, z, phase), z)
         if self.grips:
-            rows[:, self.saddle] -= self.rail.stretch * dot(on.contact, on.tau)[:, 0]
+            along = dot(on.contact, on.tau)[:, 0]
+            rows[:, self.saddle] -= self.rail.stretch * along
         if self.swing is not None:
             rows[:, self.swing] = on.swing[:, 0]
 
@@ -64,11 +67,13 @@ class CarOffRope:
             return
         angle = q[self.swing]
         stiffness = self.lever * self.line.gravity * np.cos(angle)
-        matrix.add_entry(self.swing, self.swing, stiffness * c0 + self.resistance * c1 + self.inertia * c2)
+        of_swing = stiffness * c0 + self.resistance * c1 + self.inertia * c2
+        matrix.add_entry(self.swing, self.swing, of_swing)
         if self.grips:
             middle = 0.5 * (self.rail.begin.x + self.rail.end.x)
             slope = self.rail.depth_with_derivatives(middle)[1]
-            along = (np.cos(angle) - slope * np.sin(angle)) / np.hypot(1.0, slope)  # of a turn forward
+            forward = np.cos(angle) - slope * np.sin(angle)
+            along = forward / np.hypot(1.0, slope)  # of a turn forward
             coupling = -self.lever * stretch * along * c2
             matrix.add_entry(self.swing, self.saddle, coupling)
             matrix.add_entry(self.saddle, self.swing, coupling)

@@ -26,7 +26,8 @@ def lagrange_element(degree: int) -> skfem.Element:
 def shape_polynomial_coefficients(element: skfem.Element) -> Array:
     """P (n_loc, n_loc): shape function k on [0, 1] is sum_m P[k, m] x^m."""
     n_loc = element.refdom.nnodes * element.nodal_dofs + element.interior_dofs
-    x = 0.5 - 0.5 * np.cos(np.pi * (np.arange(n_loc) + 0.5) / n_loc)
+    angles = np.pi * (np.arange(n_loc) + 0.5) / n_loc
+    x = 0.5 - 0.5 * np.cos(angles)
     mesh = skfem.MeshLine(np.array([0.0, 1.0]))
     basis = skfem.Basis(mesh, element, quadrature=(x[None, :], np.ones(n_loc)))
     values = np.array([np.asarray(basis.basis[k][0])[0] for k in range(n_loc)])
@@ -56,7 +57,9 @@ def shape_table(basis: skfem.Basis) -> Array:
     """x, weights, shape values and slopes, (n_el, n_q, 2 + 2 n_loc)."""
     x = np.asarray(basis.global_coordinates())[0]
     fields = [basis.basis[k][0] for k in range(basis.Nbfun)]
-    columns = [x, basis.dx, *(f.get(0) for f in fields), *(f.grad[0] for f in fields)]
+    values = [field.get(0) for field in fields]
+    slopes = [field.grad[0] for field in fields]
+    columns = [x, basis.dx, *values, *slopes]
     of_all_points = [np.broadcast_to(np.asarray(column), x.shape) for column in columns]
     return np.stack(of_all_points, axis=2)
 
@@ -78,10 +81,14 @@ class QuadraturePoints(NamedTuple):
         column = np.repeat(dofs, n_q, axis=0)  # (p, n_loc)
         inner = column >= 0
         first = np.append(0, np.cumsum(inner.sum(axis=1)))  # entry of each row
-        x, weights, *functions = np.split(tab.reshape(n_el * n_q, -1), [1, 2, 2 + n_loc], axis=1)
-        values, slopes = (csr_array((of[inner], column[inner], first), shape=(n_el * n_q, n)) for of in functions)
+        of_points = tab.reshape(n_el * n_q, -1)
+        x, weights, values, slopes = np.split(of_points, [1, 2, 2 + n_loc], axis=1)
+
+        def matrix(functions: Array) -> csr_array:
+            return csr_array((functions[inner], column[inner], first), shape=(n_el * n_q, n))
+
         behind = np.arange(n_el * n_q)[:, None] < n_left * n_q
-        return cls(x, weights, behind, values, slopes)
+        return cls(x, weights, behind, matrix(values), matrix(slopes))
 
 
 class ReferenceMesh(NamedTuple):
@@ -113,7 +120,8 @@ def assemble_bands(local_matrices: Array, dofs: NDArray[np.int64], n: int, b: in
     row, col = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
     inner = (row >= 0) & (col >= 0)
     out = np.zeros((2 * b + 1, n))
-    np.add.at(out, ((b + col - row)[inner], row[inner]), local_matrices[inner])
+    diagonal = b + col - row
+    np.add.at(out, (diagonal[inner], row[inner]), local_matrices[inner])
     return out
 
 

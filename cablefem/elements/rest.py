@@ -5,11 +5,10 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cablefem.elements.bodies import CarLoadsAndMasses
 from cablefem.elements.line_balance import LineBalance, RopeAndCars
-from cablefem.elements.line_coordinates import Coordinates
+from cablefem.elements.line_coordinates import Coordinates, Mask
 from cablefem.elements.segments import Law
 from cablefem.newmark import Array, StepFailure
 from cablefem.scene.contacts import Car, Contact, MovingLine, Wheel
@@ -31,10 +30,10 @@ def coordinates_at_rest(
     prescribed = system.prescribed_coordinates(t, phase)
     free = system.free.copy()
     q = prescribed.q + time_shift * prescribed.v
-    for i, car in enumerate(system.line.cars_on_rope):
-        if car.drive_kind == "free":
-            free[system.slot_of_s(i)] = False
-            q[system.slot_of_s(i)] = car.drive.start
+    for i in system.free_cars:
+        slot = system.slot_of_s(i)
+        free[slot] = False
+        q[slot] = system.line.cars_on_rope[i].drive.start
     if guess is not None:
         q[free] = guess[free]
         return _solve_rest_by_newton(system, t, phase, q, free, system.law, EXACT)
@@ -59,13 +58,12 @@ def car_loads_and_masses_at_rest(system: LineBalance, t: float, phase: int) -> C
     cars = system.car_loads_and_masses(t, phase)
     hauled = np.array([car.travel is not None for car in system.line.cars_on_rope])
     none = np.zeros(hauled.size)
-    return cars._replace(
-        drag=none, thrust=none, brake=none, rear_brake=none, hold=none, friction=cars.friction * hauled
-    )
+    at_rest = cars._replace(drag=none, thrust=none, brake=none, rear_brake=none, hold=none)
+    return at_rest._replace(friction=cars.friction * hauled)
 
 
 def _solve_rest_by_newton(
-    system: LineBalance, t: float, phase: int, q: Array, free: NDArray[np.bool_], law: Array, tolerance: float
+    system: LineBalance, t: float, phase: int, q: Array, free: Mask, law: Array, tolerance: float
 ) -> Array:
     """Coordinates at rest, from q near them, with this law of the rope.
 
@@ -104,7 +102,8 @@ def _solve_rest_by_newton(
         q, r, fraction = damped_step(q, step, float(np.linalg.norm(r)))
         if not np.isfinite(q).all():
             break
-        if np.abs(step[moving]).max(initial=0.0) <= tolerance * reach and fraction == 1.0:
+        largest_step = np.abs(step[moving]).max(initial=0.0)
+        if largest_step <= tolerance * reach and fraction == 1.0:
             return q
     raise StepFailure(t, "no rest of the loaded line was found", "compare the rope's length with its contacts")
 
@@ -122,7 +121,7 @@ def _soft_law(system: LineBalance, N: Array, fraction: float) -> Array:
     return np.array([EA, N_r, W_r])
 
 
-def _set_guess_and_return_tensions(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> Array:
+def _set_guess_and_return_tensions(system: LineBalance, q: Array, free: Mask) -> Array:
     """Set free ones of q to parabolas between guessed contacts; return tensions (K,) of the segments."""
     guess = _guess_contacts(system, q, free)
     s = np.where(free[system.s], guess.s, q[system.s])
@@ -140,7 +139,7 @@ def _set_guess_and_return_tensions(system: LineBalance, q: Array, free: NDArray[
     return guess.H * np.hypot(dx, dy) / dx
 
 
-def _guess_contacts(system: LineBalance, q: Array, free: NDArray[np.bool_]) -> Start:
+def _guess_contacts(system: LineBalance, q: Array, free: Mask) -> Start:
     """Points and s of the contacts and horizontal tensions, such that prescribed s in q are nearly met.
 
     Raises StepFailure where no rope can hold the cars.
@@ -180,7 +179,9 @@ def _nodes_on_parabolas(system: LineBalance, points: Array, sag: Array) -> Array
         nodal[ends] = points[k] + xi[:, None] * chord[k]
         nodal[ends, 1] += 4.0 * sag[k] * xi * (1.0 - xi)
         if system.segments.degree == 2:
-            nodal[nodes[1::2]] = 0.5 * (nodal[nodes[:-1:2]] + nodal[nodes[2::2]])
+            left = nodal[nodes[:-1:2]]
+            right = nodal[nodes[2::2]]
+            nodal[nodes[1::2]] = 0.5 * (left + right)
     return nodal
 
 
@@ -206,7 +207,9 @@ def _guess_contact_x(system: LineBalance, q: Array) -> Array:
     x = np.array([c.point[0] if isinstance(c, Contact) else 0.0 for c in line.contacts_and_wheels])
     for i, car in enumerate(line.cars_on_rope):
         at = q[system.slot_set_by_travel(i)]
-        x[system.cars[i]] = at if car.drive_kind == "haul_x" else np.interp(at - begin, along, points[:, 0])
+        if car.drive_kind != "haul_x":
+            at = np.interp(at - begin, along, points[:, 0])
+        x[system.cars[i]] = at
     for trolley in system.trolleys:
         x[trolley.k - 1] = x[trolley.k] - trolley.wheels.base
     return _order_cars_in_spans(system, x)
@@ -217,6 +220,7 @@ def _order_cars_in_spans(system: LineBalance, x: Array) -> Array:
     out = x.copy()
     for i, j in itertools.pairwise(system.supports):
         margin = 1e-3 * (x[j] - x[i])
-        out[i + 1 : j] = np.sort(np.clip(x[i + 1 : j], x[i] + margin, x[j] - margin))
-        out[i + 1 : j] += 1e-6 * margin * np.arange(j - i - 1)
+        cars = slice(i + 1, j)
+        in_span = np.clip(x[cars], x[i] + margin, x[j] - margin)
+        out[cars] = np.sort(in_span) + 1e-6 * margin * np.arange(j - i - 1)
     return out

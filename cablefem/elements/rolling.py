@@ -190,7 +190,8 @@ class RollingElements(RollingCar, FollowingElements):
 
     def _car_row(self, car: kernels.Car, drive_inputs: Array, x: State) -> float:
         """Left side of the row of s_o: the force along the cable that the car lacks."""
-        return self._assemble_with_car(car, drive_inputs, np.array(x[1:4]), np.empty(self.n_dof)).row
+        r = np.empty(self.n_dof)
+        return self._assemble_with_car(car, drive_inputs, np.array(x[1:4]), r).row
 
     def with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest with the car clamped to it."""
@@ -217,13 +218,17 @@ class RollingElements(RollingCar, FollowingElements):
         ds = self._mass_kinematics(states)[:, 1]
         mean = 0.5 * (o.slope_behind + o.slope_ahead)
         tau = mean / np.linalg.norm(mean, axis=1)[:, None]
-        stretch = 0.5 * (np.linalg.norm(o.slope_behind, axis=1) + np.linalg.norm(o.slope_ahead, axis=1))
+        behind = np.linalg.norm(o.slope_behind, axis=1)
+        ahead = np.linalg.norm(o.slope_ahead, axis=1)
+        stretch = 0.5 * (behind + ahead)
         driving_force = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
         driving = driving_force[:, None] * tau
         air = o.path_velocity - np.array([drive.wind, 0.0])
-        drag = -drive.k * np.linalg.norm(air, axis=1)[:, None] * air
+        speed = np.linalg.norm(air, axis=1)[:, None]
+        drag = -drive.k * speed * air
         contact = o.contact + (driving + drag)
-        normal = np.abs(contact[:, 1] * tau[:, 0] - contact[:, 0] * tau[:, 1])
+        across = contact[:, 1] * tau[:, 0] - contact[:, 0] * tau[:, 1]
+        normal = np.abs(across)
         powers = {}
         powers["thrust" if self.free else "haul"] = np.sum(driving * o.path_velocity, axis=1)
         powers["drag"] = np.sum(drag * o.path_velocity, axis=1)
@@ -244,7 +249,8 @@ class HauledCarAtRest(RollingElements):
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         c0, c1, c2 = c
         c2 = c2 or TINY
-        r, solve = super().linearise(t, q, v, np.append(a[:-1], q[-1]), phase, (c0, c1, c2))
+        a = np.append(a[:-1], q[-1])
+        r, solve = super().linearise(t, q, v, a, phase, (c0, c1, c2))
 
         def solve_for_force(b: Array) -> Array:
             x = solve(b)

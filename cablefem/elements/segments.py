@@ -109,9 +109,11 @@ class Segments:
         out = np.zeros((2, *shape, self.nn))
         for k in range(basis.Nbfun):
             field = basis.basis[k][0]
+            of_elements = np.broadcast_to(field.get(0), shape)
+            slopes_of_elements = np.broadcast_to(field.grad[0], shape)
             for element, node in enumerate(self.dofs[:, k]):
-                out[0, element, :, node] = np.broadcast_to(field.get(0), shape)[element]
-                out[1, element, :, node] = np.broadcast_to(field.grad[0], shape)[element]
+                out[0, element, :, node] = of_elements[element]
+                out[1, element, :, node] = slopes_of_elements[element]
         values, slopes = out.reshape(2, -1, self.nn)
         return values, slopes
 
@@ -123,10 +125,12 @@ class Segments:
 
     def motion_at_points(self, motion: Motion) -> Array:
         """r, v, a, r_xi, v_xi, and s, ds, dds at both ends: (K, G, 16)."""
-        values = self.values @ np.concatenate([motion.r, motion.v, motion.a], axis=2)
-        slopes = self.slopes @ np.concatenate([motion.r, motion.v], axis=2)
-        ends = np.concatenate([motion.s, motion.ds, motion.dds], axis=1)[:, None]
-        return np.concatenate([values, slopes, np.broadcast_to(ends, (*values.shape[:2], 6))], axis=2)
+        r, v, a, s, ds, dds = motion
+        values = self.values @ np.concatenate([r, v, a], axis=2)
+        slopes = self.slopes @ np.concatenate([r, v], axis=2)
+        ends = np.concatenate([s, ds, dds], axis=1)
+        at_all_points = np.broadcast_to(ends[:, None], (*values.shape[:2], 6))
+        return np.concatenate([values, slopes, at_all_points], axis=2)
 
     def fields_at_points(self, motion: Array, law: Law) -> PointFields:
         """Fields from `motion_at_points` (..., K, G, 16), which may be complex."""
@@ -161,12 +165,14 @@ class Segments:
     def row_densities(self, p: PointFields) -> Array:
         """At Gauss points: factors of phi (2), of phi_xi (2), and the rows of s at both ends (2); (..., K, G, 6)."""
         rho = self.rho
-        inertia = rho * (p.h[..., None] * p.dw + p.dh[..., None] * p.w)
-        by_value = inertia - (self.q * p.h)[..., None] * DOWN
+        rate = p.h[..., None] * p.dw + p.dh[..., None] * p.w  # of h w
+        by_value = rho * rate - (self.q * p.h)[..., None] * DOWN
         momentum_flux = (rho * p.c)[..., None] * p.w
-        by_slope = momentum_flux + (p.N / (p.lam * p.h))[..., None] * p.r_xi
+        per_length = p.N / (p.lam * p.h)
+        by_slope = momentum_flux + per_length[..., None] * p.r_xi
         momentum = dot(p.dw, p.r_xi) + dot(p.w, p.v_xi)
-        kinetic = 0.5 * dot(p.w, p.w) + p.c / p.h * dot(p.w, p.r_xi)
+        flow = p.c / p.h * dot(p.w, p.r_xi)
+        kinetic = 0.5 * dot(p.w, p.w) + flow
         material = p.W - p.N * p.lam - self.q * p.y - rho * kinetic
         of_s = SIGN * material[..., None] - rho * self.psi * momentum[..., None]
         return np.concatenate([by_value, by_slope, of_s], axis=-1)
@@ -174,8 +180,9 @@ class Segments:
     def node_and_end_rows(self, p: PointFields) -> tuple[Array, Array]:
         """Rows of the nodes (K, nn, 2) and of s at both ends (2, K)."""
         density = self.row_densities(p) * self.weights[:, None]
-        of_nodes = self.values.T @ density[..., :2] + self.slopes.T @ density[..., 2:4]
-        return of_nodes, density[..., 4:].sum(axis=1).T
+        by_value, by_slope, of_s = np.split(density, 3, axis=-1)
+        of_nodes = self.values.T @ by_value + self.slopes.T @ by_slope
+        return of_nodes, of_s.sum(axis=1).T
 
     def tangent(self, motion: Motion, law: Law, c: TangentFactors) -> Array:
         """D^T W J D: c0 d/dr + c1 d/dv + c2 d/da of the rows, (K, m, m) for m = 2 nn + 2 nodes' x, y and s."""
@@ -190,11 +197,13 @@ class Segments:
         by_ends = np.moveaxis(c0 * by_s + c1 * by_ds + c2 * by_dds, 0, -1)  # (K, G, 6, 2)
         by_nodes = np.einsum("bkgo,gj->kgojb", by_value, self.values)
         by_nodes = by_nodes + np.einsum("bkgo,gj->kgojb", by_slope, self.slopes)
-        columns = np.concatenate([by_nodes.reshape(*by_ends.shape[:3], -1), by_ends], axis=3)  # (K, G, 6, m)
-        of_nodes = np.einsum("gi,kgam->kiam", self.values, columns[:, :, :2])
-        of_nodes = of_nodes + np.einsum("gi,kgam->kiam", self.slopes, columns[:, :, 2:4])
-        of_ends = columns[:, :, 4:].sum(axis=1)
-        return np.concatenate([of_nodes.reshape(len(of_nodes), 2 * self.nn, -1), of_ends], axis=1)
+        by_all_nodes = by_nodes.reshape(*by_ends.shape[:3], -1)
+        columns = np.concatenate([by_all_nodes, by_ends], axis=3)  # (K, G, 6, m)
+        of_value, of_slope, of_s = np.split(columns, 3, axis=2)
+        of_nodes = np.einsum("gi,kgam->kiam", self.values, of_value)
+        of_nodes = of_nodes + np.einsum("gi,kgam->kiam", self.slopes, of_slope)
+        of_all_nodes = of_nodes.reshape(len(of_nodes), 2 * self.nn, -1)
+        return np.concatenate([of_all_nodes, of_s.sum(axis=1)], axis=1)
 
     def element_shapes(self, xi: Array) -> ElementShapes:
         """The shape functions at positions xi (...) in a segment; beyond it those of its first or last element."""

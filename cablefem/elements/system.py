@@ -48,7 +48,7 @@ class LineElements(LineBalance):
         self._pressing: list[int] = []  # the car of each wheel or point that may lift off
         for i, car in enumerate(line.cars_on_rope):
             self._pressing += [i] if car.wheels is None else [i, i]
-            if car.drive_kind == "free" and car.drive.has_friction_or_brakes:
+            if i in self.free_cars and car.drive.has_friction_or_brakes:
                 self._stops.append(i)
                 self._brakes += [(i, position) for position, _ in car.drive.brakes]
 
@@ -119,9 +119,9 @@ class LineElements(LineBalance):
         slots = self.s[self.cars]
         y = self.slopes_and_motion_at_cars(x)
         stretch = forces_on_cars(held, y).stretch
-        self.hold = self.balance_rows(t, x, phase, RopeAndCars(self.law, held))[slots] / stretch
-        free = [i for i, car in enumerate(self.line.cars_on_rope) if car.drive_kind == "free"]
-        for i in free:
+        rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, held))
+        self.hold = rows[slots] / stretch
+        for i in self.free_cars:
             self._set_brakes(i, x.q[slots[i]])
         now = self.car_loads_and_masses(t, phase)
         rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, now))
@@ -129,10 +129,12 @@ class LineElements(LineBalance):
         loads = np.bincount(self._pressing, pressing)
         none = np.zeros_like(now.hold)
         frictionless = now._replace(hold=none, brake=none, friction=none)
-        needed = self.balance_rows(t, x, phase, RopeAndCars(self.law, frictionless))[slots] / stretch
+        rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, frictionless))
+        needed = rows[slots] / stretch
         projection = vector_length(y[:, 0:2] + y[:, 2:4]) / (2.0 * stretch)  # |<r'>|/<lam>
-        needed -= now.thrust * np.cos([car.drive.thrust_angle for car in self.line.cars_on_rope]) / projection
-        for i in free:
+        thrust_angles = [car.drive.thrust_angle for car in self.line.cars_on_rope]
+        needed -= now.thrust * np.cos(thrust_angles) / projection
+        for i in self.free_cars:
             self.signs[i] = -np.sign(needed[i]) or 1.0
             car = self.line.cars_on_rope[i]
             holding = car.drive.mu_r * loads[i] + self.brakes[i]
@@ -184,8 +186,8 @@ class LineElements(LineBalance):
     def _start_slipping(self, i: int, x: State) -> State:
         """Car i, which sticks, slips against the force that has held it."""
         z = self.coordinates_from_unknowns(*x)
-        held_by = self._holding_force(i, z, self.balance_rows(x.t, z, x.phase))
-        self.signs[i] = -np.sign(held_by) or 1.0
+        rows = self.balance_rows(x.t, z, x.phase)
+        self.signs[i] = -np.sign(self._holding_force(i, z, rows)) or 1.0
         return self._state_with_slip(i, x, self.signs[i] * 1e-12)  # a first slip arms the event of a standstill
 
     def _state_with_slip(self, i: int, x: State, ds: float) -> State:
@@ -214,8 +216,8 @@ class LineElements(LineBalance):
         if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
             return (*values, *[np.inf] * (len(self.events) - gaps.size))
         for i in self._stops:
-            ds = z.v[self.slot_of_s(i)]
-            values.append(np.inf if self._sticks(i) else float(ds * self.signs[i]))
+            ahead = float(z.v[self.slot_of_s(i)] * self.signs[i])
+            values.append(np.inf if self._sticks(i) else ahead)
         for i, position in self._brakes:
             values.append(position - float(z.q[self.slot_of_s(i)]))
         values += self._loads_and_friction_margins(x, z)
@@ -228,7 +230,8 @@ class LineElements(LineBalance):
         """Events' values of loads: contact forces, smallest tension, pressures on saddles, margins of sticking cars."""
         if self._loaded[0] is not x:
             rows, loads = self._rows_and_loads(x, z)
-            pressing = self._pressing_forces(z, rows, loads, self.car_loads_and_masses(x.t, x.phase))
+            cars = self.car_loads_and_masses(x.t, x.phase)
+            pressing = self._pressing_forces(z, rows, loads, cars)
             values = pressing + self._min_tension_and_saddle_pressures(rows, loads)
             for i in self._stops:
                 values.append(self._friction_margin(i, z, rows, pressing) if self._sticks(i) else np.inf)
@@ -247,7 +250,7 @@ class LineElements(LineBalance):
         z = np.array(self.coordinates_from_unknowns(*x))
         for k, on_rope in zip(self.cars, self.line.cars_on_rope, strict=True):
             if on_rope.name == car:
-                return z[:, 2 * self.node[k] + np.arange(2)]
+                return z[:, self.xy[k]]
         return self.off_rope[car].points_with_rates(np.array([x.t]), z[:, None], x.phase)[0]
 
     def _pressing_forces(self, x: Coordinates, rows: Array, loads: Array, cars: CarLoadsAndMasses) -> list[float]:
@@ -267,8 +270,9 @@ class LineElements(LineBalance):
 
     def _min_tension_and_saddle_pressures(self, rows: Array, loads: Array) -> list[float]:
         """Smallest tension, and pressures of the rope on the saddles [N]."""
-        saddles = self.node[self.supports[1:-1]]
-        return [loads.item(-1), *(-rows[2 * saddles + 1]).tolist()]
+        depth = self.xy[self.supports[1:-1], 1]
+        pressures = -rows[depth]
+        return [loads.item(-1), *pressures.tolist()]
 
     def apply_event(self, name: str, x: State) -> State | None:
         """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
@@ -284,10 +288,10 @@ class LineElements(LineBalance):
                 return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
         return None
 
-    def system_after(self, name: str, x: State) -> tuple[LineElements, State] | None:
+    def system_after(self, event: str, x: State) -> tuple[LineElements, State] | None:
         """The line after a car passes an end of a shoe, and its state; None if another event has ended the run."""
         for passage in self.passages:
-            if str(passage) == name:
+            if str(passage) == event:
                 from cablefem.elements.carrying import system_after_passage
 
                 return system_after_passage(self, passage, x)
@@ -295,8 +299,7 @@ class LineElements(LineBalance):
 
     def _run_goes_on(self, x: State) -> bool:
         """Whether a free car rolls, or a force or a travel is still to change."""
-        free = [i for i, car in enumerate(self.line.cars_on_rope) if car.drive_kind == "free"]
-        rolling = not all(self._sticks(i) for i in free)
+        rolling = not all(self._sticks(i) for i in self.free_cars)
         return rolling or self.line.travel_or_force_changes_after(x.t, x.phase)
 
     def observe(self, states: Sequence[State], s: Array) -> LineMotion:

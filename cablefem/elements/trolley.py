@@ -60,9 +60,11 @@ def _wheel_forces(slopes: Any, rope_row: Any, mu_r: float, brake: Array, sign: A
     bx, by, ax, ay = slopes
     tx = bx + ax
     ty = by + ay
-    load = (tx * rope_row[1] - ty * rope_row[0]) / np.sqrt(tx * tx + ty * ty)
+    across = tx * rope_row[1] - ty * rope_row[0]
+    load = across / np.sqrt(tx * tx + ty * ty)
     stretch = 0.5 * (np.sqrt(bx * bx + by * by) + np.sqrt(ax * ax + ay * ay))
-    friction = -stretch * (mu_r * load * np.sign(load.real) + brake) * sign
+    holding = mu_r * load * np.sign(load.real) + brake
+    friction = -stretch * holding * sign
     return WheelForces(load, friction, stretch)
 
 
@@ -110,7 +112,8 @@ class Trolley:
 
     def rope_slopes_at_wheels(self, q: Array) -> Array:
         """r' at the sides of both wheels (..., 4, 2), from all coordinates (..., size)."""
-        h = q[..., self.ends[:, 1]] - q[..., self.ends[:, 0]]
+        begin, end = self.ends.T
+        h = q[..., end] - q[..., begin]
         by_xi = (self.shapes[:, None] @ q[..., self.near])[..., 0, :]
         return by_xi / h[..., None]
 
@@ -120,8 +123,8 @@ class Trolley:
         slopes = self.rope_slopes_at_wheels(q).reshape(*rope_rows.shape[:-1], 8)
         force = a[..., self.force] if self.force >= 0 else 0.0 * rope_rows[..., 0]
         pitch = q[..., self.body[2:]]
-        parts = [slopes, rope_rows, pitch, v[..., self.body], a[..., self.body], force[..., None]]
-        return np.concatenate(parts, axis=-1).T
+        rates = [v[..., self.body], a[..., self.body]]
+        return np.concatenate([slopes, rope_rows, pitch, *rates, force[..., None]], axis=-1).T
 
     def forces(self, cars: CarLoadsAndMasses, inputs: Any) -> TrolleyForces:
         """Forces on the car, and rows.
@@ -161,11 +164,13 @@ class Trolley:
         C_y = mass * (ay - cars.gravity) - thrust_y - haul * sin - drag * vy
         of_X = rear_row[0] + front_row[0] + C_x
         of_Y = rear_row[1] + front_row[1] + C_y
-        of_th = wheels.base * (sin * rear_row[0] - cos * rear_row[1]) - cy * C_x + cx * C_y
+        rear_across = sin * rear_row[0] - cos * rear_row[1]
+        of_th = wheels.base * rear_across - cy * C_x + cx * C_y
         of_th = of_th + wheels.inertia * turning - thrust_turns - haul_turns
         rear = _wheel_forces(y[0:4], rear_row, drive.mu_r, rear_brake, sign)
         front = _wheel_forces(y[4:8], front_row, drive.mu_r, front_brake, sign)
         hold = front.stretch * cars.hold.T[self.i]
+        along_wheels = cos * vx + sin * vy
         return TrolleyForces(
             rows=(of_X, of_Y, of_th, -rear.friction, -front.friction - hold),
             centre=(cx, cy),
@@ -174,7 +179,7 @@ class Trolley:
             hold=hold,
             stretch=front.stretch,
             thrust=thrust_x * vx + thrust_y * vy + thrust_turns * rate,
-            haul=haul * (cos * vx + sin * vy) + haul_turns * rate,
+            haul=haul * along_wheels + haul_turns * rate,
             drag=drag * (air * vx + vy * vy),
         )
 
@@ -193,8 +198,10 @@ class Trolley:
         self._add_body_columns(matrix, by_input, c)
         self._add_slope_columns(matrix, by_input, y[:8].reshape(4, 2), q, c[0])
         self._let_wheels_follow(matrix, q[self.body[2]])
-        for row, slot in np.argwhere(by_input[:, 8:12]).tolist():
-            matrix.add_multiple_of_row(int(self.points.flat[slot]), int(self.rows[row]), by_input[row, 8 + slot])
+        by_rope_rows = by_input[:, 8:12]
+        for row, column in np.argwhere(by_rope_rows).tolist():
+            rope_row = int(self.points.flat[column])
+            matrix.add_multiple_of_row(rope_row, int(self.rows[row]), by_rope_rows[row, column])
 
     def _add_body_columns(self, matrix: Matrix, by_input: Array, c: TangentFactors) -> None:
         """Add what the motion of the body and F/M give."""
@@ -205,17 +212,20 @@ class Trolley:
         factors[[16, 17, 18], [0, 1, 2]] = c2
         factors[19, 3] = c2 or 1.0
         count = 4 if self.force >= 0 else 3
+        columns = [*self.body, self.force]
         block = by_input @ factors
-        matrix.add_block(self.rows, [*self.body, self.force][:count], block[:, :count])
+        matrix.add_block(self.rows, columns[:count], block[:, :count])
 
     def _add_slope_columns(self, matrix: Matrix, by_input: Array, slopes: Array, q: Array, c0: complex) -> None:
         """Add what the slopes beside both wheels (4, 2) give, by nodes and by s at the ends of the segments."""
         for side in range(4):
             begin, end = self.ends[side]
-            by_slope = c0 / (q[end] - q[begin]) * by_input[:, 2 * side : 2 * side + 2]  # (5, 2)
-            block = self.shapes[side, :, None] * by_slope[:, None, :]  # (5, near, 2)
-            matrix.add_block(self.rows, self.near[side].ravel(), block.reshape(5, -1))
-            matrix.add_block(self.rows, self.ends[side], np.outer(by_slope @ slopes[side], [1.0, -1.0]))
+            per_h = c0 / (q[end] - q[begin])
+            by_slope = per_h * by_input[:, 2 * side : 2 * side + 2]  # (5, 2)
+            by_nodes = self.shapes[side, :, None] * by_slope[:, None, :]  # (5, near, 2)
+            by_ends = np.outer(by_slope @ slopes[side], [1.0, -1.0])
+            matrix.add_block(self.rows, self.near[side].ravel(), by_nodes.reshape(5, -1))
+            matrix.add_block(self.rows, self.ends[side], by_ends)
 
     def _let_wheels_follow(self, matrix: Matrix, pitch: float) -> None:
         """Add the columns of the nodes at both wheels to those of X and th."""

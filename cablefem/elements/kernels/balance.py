@@ -34,7 +34,7 @@ class MassCoupling(NamedTuple):
 
 class Cable(NamedTuple):
     mesh: Mesh
-    law: Any  # (alpha, sigma, c, law); of one field see `add_chord_force`
+    law: Any  # (alpha, sigma, c, law); of one field see `add_chord_force_return_tension`
     chord: Any  # True of one field, None of the full cable
     operators: Any  # (8, 2 b + 1, n_dof) diagonals of M^, G^, G^T, H^ of each side; fixed mesh: (1, ...) M
     points: Any  # (9, n_el n_q) workspace: s, r', f, df/dr' (xx, xy, yy), tension
@@ -177,7 +177,7 @@ def add_internal_force(
         if factors[0] != 0.0:
             add_stiffness_of_points(cable, s_o, factors[0], tangent.ab)
         return smallest_element_mean_tension(cable, s_o)
-    return add_chord_force(cable, s_o, q, r, tangent, factors), 0.5  # uniform tension
+    return add_chord_force_return_tension(cable, s_o, q, r, tangent, factors), 0.5  # uniform tension
 
 
 @inner
@@ -338,7 +338,9 @@ def add_symmetric_block(ab: Array, row: int, col: int, j11: float, j12: float, j
 
 
 @inner
-def add_chord_force(cable: Cable, s_o: float, q: Array, r: Array, tangent: Tangent, factors: Factors) -> float:
+def add_chord_force_return_tension(
+    cable: Cable, s_o: float, q: Array, r: Array, tangent: Tangent, factors: Factors
+) -> float:
     """Add the internal force of the one-field models; return the tension along the chord.
 
     T_chord w' + h (y_n' + kap w'), h = alpha eps, eps = lam int (y_n' w' + kap w'^2 / 2) ds;
@@ -394,7 +396,10 @@ def add_chord_force(cable: Cable, s_o: float, q: Array, r: Array, tangent: Tange
 
 @inner
 def set_chord_slopes_return_strain(cable: Cable, s_o: float, q: Array) -> float:
-    """Set w' and y_n' + kap w' at `points` 0 and 1 of a one-field model; return eps of `add_chord_force`."""
+    """Set w' and y_n' + kap w' at `points` 0 and 1 of a one-field model; return eps.
+
+    See `add_chord_force_return_tension`.
+    """
     curvature = cable.law[2]
     lam = cable.law[3]
     kap = cable.law[4]

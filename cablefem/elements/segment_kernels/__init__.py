@@ -24,10 +24,12 @@ class Kernel:
         """cars : their numbers among all;  contacts : theirs;  slots : of F/M and of phi of these cars, or -1."""
         points = segments.xi.size // segments.elements
         first = segments.dofs[0]
-        phi, phi_xi = (np.ascontiguousarray(x[:points, first]) for x in (segments.values, segments.slopes))
+        phi = np.ascontiguousarray(segments.values[:points, first])
+        phi_xi = np.ascontiguousarray(segments.slopes[:points, first])
         xi = segments.xi.reshape(segments.elements, points)
         dofs = np.ascontiguousarray(segments.dofs)
-        self.mesh = balance.Mesh(phi, phi_xi, segments.weights[:points].copy(), xi, dofs, segments.end_slopes)
+        weights = segments.weights[:points].copy()
+        self.mesh = balance.Mesh(phi, phi_xi, weights, xi, dofs, segments.end_slopes)
         self.rope = balance.Rope(segments.rho, segments.q)
         self.cars = cars
         self.contacts = contacts
@@ -68,5 +70,6 @@ class Kernel:
 
         factors : (4,) c0, c1, c2, and that of F/M.
         """
+        at = balance.Coordinates(*x)
         band = balance.Band(matrix.ab, matrix.columns, matrix.rows, matrix.corner)
-        balance.add_tangent(self._line(law, cars), balance.Coordinates(*x), tuple(factors.tolist()), band)
+        balance.add_tangent(self._line(law, cars), at, tuple(factors.tolist()), band)

@@ -110,12 +110,12 @@ def add_rows_and_set_loads(line: Line, x: Coordinates, rows: Array, loads_and_mi
     """
     for i in range(rows.shape[0]):
         at = Coordinates(x.q[i], x.v[i], x.a[i])
-        loads_and_min_tension[i, -1] = add_rope_rows(line, at, rows[i])
+        loads_and_min_tension[i, -1] = add_rope_rows_return_min_tension(line, at, rows[i])
         add_car_rows_and_set_loads(line, i, at, rows[i], loads_and_min_tension[i])
 
 
 @inner
-def add_rope_rows(line: Line, at: Coordinates, rows: Array) -> float:
+def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -> float:
     """Add the rows of the segments to rows (size,); return the smallest tension."""
     mesh, rope, law, _ = line
     q, v, a = at
@@ -191,7 +191,9 @@ def set_car_forces(car: Array, gravity: float, y: Array, out: Array) -> None:
     out[3] = normal
     if normal.real < 0.0:
         normal = -normal
-    stretch = 0.5 * (np.sqrt(y[0] * y[0] + y[1] * y[1]) + np.sqrt(y[2] * y[2] + y[3] * y[3]))
+    behind = np.sqrt(y[0] * y[0] + y[1] * y[1])
+    ahead = np.sqrt(y[2] * y[2] + y[3] * y[3])
+    stretch = 0.5 * (behind + ahead)
     out[2] = stretch * (hold - (mu * normal + brake) * sign)
 
 
@@ -415,14 +417,10 @@ def add_rope_tangent(line: Line, at: Coordinates, factors: tuple[float, float, f
                         by_a -= rope.q * h_s * x
                         by_b = rho * (c_s * w[x] + c * w_s[x]) + EA * lam_s * t
                         # the row of s by this coordinate
-                        of_a = (
-                            -rho * (psi * (c2 * f[2 + x] + c1 * f[6 + x]) + sign * c1 * (w[x] + c / h * f[2 + x]))
-                            - sign * rope.q * c0 * x
-                        )
-                        moved = (
-                            ((c * dh / h - dc) / h * c0 - c1 * c / h) * f[2 + x]
-                            + c0 * dw[x] - c0 * c / h * f[6 + x] + c1 * w[x]
-                        )  # fmt: skip
+                        carried = psi * (c2 * f[2 + x] + c1 * f[6 + x])
+                        of_a = -rho * (carried + sign * c1 * (w[x] + c / h * f[2 + x])) - sign * rope.q * c0 * x
+                        speed_up = (c * dh / h - dc) / h * c0 - c1 * c / h
+                        moved = speed_up * f[2 + x] + c0 * dw[x] - c0 * c / h * f[6 + x] + c1 * w[x]
                         of_b = -rho * (psi * moved - sign * c0 * (c / h) ** 2 * f[2 + x])
                         of_b -= c0 * sign * lam * EA / h * t
                         for i in range(n_loc):
