@@ -38,6 +38,9 @@ FIELD = (
 )
 
 
+Series = dict[str, Array]  # values (n,) by name
+
+
 @dataclass(frozen=True, slots=True)
 class Curve:
     x: Array
