@@ -38,9 +38,12 @@ def _figure_with_events(answer: StoredAnswer, panels: Sequence[Panel], caption: 
     """Draw panels over time or position, with verticals at the events and the slack onset."""
     r = answer.runs[0]
     end = max(float(_time_or_position(run, over_time).max()) for run in answer.runs)
-    verticals = [(event["t" if over_time else "s_o"], GREEN, "") for event in answer.main_events]
-    if answer.slack_onset_position is not None:
-        onset = float(np.interp(answer.slack_onset_position, r.s_o, r.t)) if over_time else answer.slack_onset_position
+    key = "t" if over_time else "s_o"
+    verticals = [(event[key], GREEN, "") for event in answer.main_events]
+    onset = answer.slack_onset_position
+    if onset is not None:
+        if over_time:
+            onset = float(np.interp(onset, r.s_o, r.t))
         verticals.append((onset, BLACK, DOTTED))
     for panel in panels:
         panel.verticals = verticals
@@ -49,9 +52,10 @@ def _figure_with_events(answer: StoredAnswer, panels: Sequence[Panel], caption: 
 
 def plot_series(answer: StoredAnswer, rows: Sequence[tuple[str, str, str]], caption: str, *, over_time: bool) -> Markup:
     """Draw series (words, unit, expression of a run r) below one another; "below" points down."""
-    panels = [
-        _series_panel(answer, title, unit, compile_template_expression(text), over_time) for title, unit, text in rows
-    ]
+    panels = []
+    for title, unit, text in rows:
+        values_of = compile_template_expression(text)
+        panels.append(_series_panel(answer, title, unit, values_of, over_time))
     return _figure_with_events(answer, panels, caption, over_time=over_time)
 
 
@@ -63,14 +67,16 @@ def _series_panel(answer: StoredAnswer, title: str, unit: str, values_of: Callab
     p.fit_y_axis([factor * values for values in inside])
     for r, look in zip(answer.runs, LOOKS, strict=False):
         p.add_curve(_time_or_position(r, over_time), factor * values_of(r=r), *look, name=r.method)
-    values = None if answer.third_party is None else _third_party_series(answer.third_party, values_of)
-    if values is not None:
-        _add_third_party_curve(p, answer.third_party, _time_or_position(answer.third_party, over_time), factor * values)
+    other = answer.third_party
+    if other is not None:
+        values = _third_party_series(other, values_of)
+        if values is not None:
+            _add_third_party_curve(p, other, _time_or_position(other, over_time), factor * values)
     return p
 
 
-def _add_third_party_curve(panel: Panel, third_party: Any, abscissa: Array, values: Array, before: str = "") -> None:
-    panel.add_curve(abscissa, values, PURPLE, DASHED, 2.2, before + third_party.method)
+def _add_third_party_curve(panel: Panel, third_party: Any, x: Array, y: Array, name_prefix: str = "") -> None:
+    panel.add_curve(x, y, PURPLE, DASHED, 2.2, name_prefix + third_party.method)
 
 
 def _third_party_series(third_party: Any, values_of: Callable[..., Any]) -> Array | None:
@@ -82,22 +88,22 @@ def _third_party_series(third_party: Any, values_of: Callable[..., Any]) -> Arra
     return None if isinstance(values, Undefined) else values
 
 
-def plot_path_distance(answer: StoredAnswer) -> Markup:
+def plot_path_distance_with_bars(answer: StoredAnswer) -> Markup:
     """Draw the distance of both paths, of a third party's too, and the sum of both error bars."""
     a, b = answer.runs
     over_time = answer.is_free_ride
     abscissa, gap = _abscissa_and_path_distance(a, b, over_time)
-    inside = _values_at_compared_times(answer, a, a.t, np.pad(gap, (0, a.t.size - gap.size)))
+    gap_at_all_times = np.pad(gap, (0, a.t.size - gap.size))
+    inside = _values_at_compared_times(answer, a, a.t, gap_at_all_times)
     factor, unit = factor_and_prefixed_unit(inside, "m")
     p = Panel(f"apart [{unit}]", height=150.0)
     p.add_curve(abscissa, factor * gap, BLACK, "", 1.6, "distance of the paths")
     largest = float(inside.max(initial=0.0))
-    ours = [row for row in answer.comparison_rows if not row.get("with")]  # without another program's path
-    allowed = next((row["allowed"] for row in ours if row["quantity"] == "path_max"), None)
-    if allowed is not None:
-        bars = allowed * a.path_scale
-        times = np.array(answer.compared_time_range(a))
-        ends = times if over_time else np.interp(times, a.t, a.s_o)
+    bars = _sum_of_path_bars(answer)
+    if bars is not None:
+        ends = np.array(answer.compared_time_range(a))
+        if not over_time:
+            ends = np.interp(ends, a.t, a.s_o)
         p.add_curve(ends, np.full(2, factor * bars), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
         largest = max(largest, bars)
     if answer.third_party is not None:
@@ -108,24 +114,37 @@ def plot_path_distance(answer: StoredAnswer) -> Markup:
     return _figure_with_events(answer, [p], "How far the two paths of the car are apart.", over_time=over_time)
 
 
+def _sum_of_path_bars(answer: StoredAnswer) -> float | None:
+    """Sum of both solvers' error bars of the path [m]."""
+    scale = answer.runs[0].path_scale
+    for row in answer.comparison_rows:
+        of_other_program = bool(row.get("with"))
+        if row["quantity"] == "path_max" and not of_other_program:
+            return None if row["allowed"] is None else row["allowed"] * scale
+    return None
+
+
 def _abscissa_and_path_distance(a: Response, b: Any, over_time: bool) -> tuple[Array, Array]:
     """Time or position, and the distance of two paths [m] where both exist, of the components that b has."""
     at = _time_or_position(a, over_time)
     of_b = _time_or_position(b, over_time)
     both = (at >= of_b[0]) & (at <= of_b[-1])
-    names = ("x", "y") if over_time else ("u", "v")
-    parts = [
-        getattr(a, name)[both] - np.interp(at[both], of_b, getattr(b, name))
-        for name in names
-        if getattr(b, name) is not None
-    ]
+    parts = []
+    for name in ("x", "y") if over_time else ("u", "v"):
+        other = getattr(b, name)
+        if other is not None:
+            other = np.interp(at[both], of_b, other)
+            parts.append(getattr(a, name)[both] - other)
     return at[both], np.linalg.norm(parts, axis=0)
 
 
 def compared_tension_range(answer: StoredAnswer) -> tuple[float, float]:
     """Smallest and largest tension [N] of the compared part of the fields."""
-    parts = np.concatenate([_values_at_compared_times(answer, r, r.fields.t, r.fields.T).ravel() for r in answer.runs])
-    return max(0.0, float(parts.min())), float(parts.max())
+    parts = []
+    for r in answer.runs:
+        parts.append(_values_at_compared_times(answer, r, r.fields.t, r.fields.T).ravel())
+    T = np.concatenate(parts)
+    return max(0.0, float(T.min())), float(T.max())
 
 
 def plot_tension_field(answer: StoredAnswer, r: Response, caption: str) -> Markup:
@@ -134,16 +153,19 @@ def plot_tension_field(answer: StoredAnswer, r: Response, caption: str) -> Marku
     factor, unit = factor_and_prefixed_unit(np.array([low, high]), "N")
     f = r.fields
     end = float(r.t[-1])
-    p = Panel(POSITION, "", 220.0, low=0.0, high=r.length, scale=(factor * low, factor * high, unit))
+    p = Panel(POSITION, height=220.0, high=r.length)
+    p.scale = (factor * low, factor * high, unit)
     times = np.linspace(0.0, end, 300)
     nearest = np.abs(times[:, None] - f.t).argmin(axis=1)  # frame of each time
     share = (f.T[nearest] - low) / ((high - low) or 1.0)  # (times, stations)
     p.image = share.T[::-1]
     for color, width in ((BLACK, 2.6), ("#fff", 1.4)):
         p.add_curve(r.t, r.s_o, color, "", width)
-    for t in end * (np.arange(5) + 0.5) / 5:
+    label_times = end * (np.arange(5) + 0.5) / 5
+    label_positions = r.length * (np.arange(3) + 0.5) / 3
+    for t in label_times:
         k = int(np.abs(f.t - t).argmin())
-        for s in r.length * (np.arange(3) + 0.5) / 3:
+        for s in label_positions:
             T = factor * np.interp(s, f.s, f.T[k])
             p.labels.append((float(t), float(s), f"{T:.3g}"))
     return svg_figure([p], (0.0, end), TIME, caption)
@@ -152,7 +174,7 @@ def plot_tension_field(answer: StoredAnswer, r: Response, caption: str) -> Marku
 PARTS: dict[str, list[str]] = tomllib.loads(read_asset("looks.toml"))["energy"]
 
 
-def plot_energy_split(answer: StoredAnswer, caption: str) -> Markup:
+def plot_energy_since_start(answer: StoredAnswer, caption: str) -> Markup:
     """Draw the energy: motion, height, stretch, and the work of outside forces."""
     r = answer.runs[0]
     energies = {"motion": r.kinetic, "height": r.potential, "stretch": r.strain}
