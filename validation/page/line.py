@@ -4,7 +4,6 @@ import csv
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -14,21 +13,10 @@ from cablefem.scene.line import Line
 from validation.core import store
 from validation.core.limits import limit_scope_sentences
 from validation.core.quantities import factor_and_prefixed_unit, limit_row_texts
-from validation.page import printing, terminal
-from validation.page.answer.many import LIMITS, Column, Columns, Row, grid_table, point_label
+from validation.page import plot, printing, terminal
+from validation.page.answer.many import LIMITS, Column, Columns, Row, StoredGrid, grid_table
 from validation.page.page import Section, limits_of, read_asset, render_sections, worst_verdict
-from validation.page.plot import (
-    BLACK,
-    BLUE,
-    COLORS,
-    DASHED,
-    DOTTED,
-    GREY,
-    Panel,
-    draw_ground_and_obstacles,
-    set_depth_scale_with_caption,
-    svg_figure,
-)
+from validation.page.plot import Panel, Series
 from validation.page.scene_keys import scene_inputs_html
 
 _TEXT = tomllib.loads(read_asset("line.toml"))
@@ -56,15 +44,16 @@ def three_decimals_text(value: float, unit: str) -> str:
     return f"{round(factor * value, 3) + 0.0:.3f}{suffix}"  # no -0.000
 
 
-def largest_and_smallest_rows(design: Sequence[Row]) -> list[Row]:
+def extremes_table_rows(design: Sequence[Row]) -> list[Row]:
     """One row per quantity: largest and smallest value, and the cars' positions then."""
     out: dict[str, Row] = {}
     order = list(WORDS)
     for d in sorted(design, key=lambda d: order.index(base_quantity(d["quantity"]))):
-        words = line_quantity_words(d["quantity"])
+        name = d["quantity"]
+        words = line_quantity_words(name)
         row = out.setdefault(words, {"quantity": words, "largest": "", "smallest": ""})
-        cars = ", ".join(f"{name} {x:.0f}" for name, x in d["at"].items())
-        is_smallest = d["quantity"].partition(":")[0].endswith("_min")
+        cars = ", ".join(f"{car} {x:.0f}" for car, x in d["at"].items())
+        is_smallest = name.partition(":")[0].endswith("_min")
         value = three_decimals_text(d["value"], d["unit"])
         row["smallest" if is_smallest else "largest"] = f"{value} ({cars})" if cars else value
         if is_smallest and row["largest"].partition(" (")[0] == value:
@@ -74,16 +63,18 @@ def largest_and_smallest_rows(design: Sequence[Row]) -> list[Row]:
 
 
 def print_line_summary(
-    line: Line, outcome: str, limits: Sequence[Row], design_rows: Sequence[Row], reported: int
+    line: Line, outcome: str, limits: Sequence[Row], design_rows: Sequence[Row], rows_in_report: int
 ) -> None:
-    """Print outcome, limits, and the first 14 rows of design numbers, of `reported` in the report."""
+    """Print outcome, limits, and the first 14 rows of design numbers."""
     terminal.print_text(f"{line.name}: {outcome}", style="bold")
     printing.print_limits(line, limits)
     rows = design_rows[:14]
-    heads = {"largest": "largest (cars at x [m])", "words": "quantity", "t": "at"}
-    terminal.print_table([heads.get(name, name) for name in design_rows[0]], [list(row.values()) for row in rows])
-    if reported > len(rows):
-        terminal.print_text(f"  {reported - len(rows)} more in the report")
+    words = {"largest": "largest (cars at x [m])", "words": "quantity", "t": "at"}
+    heads = [words.get(name, name) for name in design_rows[0]]
+    terminal.print_table(heads, [list(row.values()) for row in rows])
+    remaining = rows_in_report - len(rows)
+    if remaining > 0:
+        terminal.print_text(f"  {remaining} more in the report")
 
 
 def rest_table_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
@@ -94,10 +85,10 @@ def rest_table_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
 
 def table_columns_with_outcome(rows: Sequence[Row], keys: Sequence[str], number_heads: dict[str, str]) -> Columns:
     """Columns of a table: varied values, numbers with their heads, and what became of each line if it says more."""
-    words = [
-        name for name in ("outcome", "status", *LIMITS, "verdict", "why")
-        if {row.get(name) for row in rows} - {None, "complete"}
-    ]  # fmt: skip
+    words = []
+    for name in ("outcome", "status", *LIMITS, "verdict", "why"):
+        if {row.get(name) for row in rows} - {None, "complete"}:
+            words.append(name)
     first = [name for name in words if name == "outcome"]  # numbers of many cars fill the width of a page
     heads = {name: name for name in (*keys, *first)} | number_heads | {name: name for name in words}
     return {name: Column(head, spec=".6g") for name, head in heads.items()}
@@ -109,7 +100,8 @@ def _column_heading(name: str) -> str:
     which = "smallest " if name.partition(":")[0].endswith("_min") else "largest "
     if kind in ("tension_max", "safety_factor"):
         which = ""
-    return f"{which}{line_quantity_words(name)} [{unit}]" if unit else which + line_quantity_words(name)
+    heading = which + line_quantity_words(name)
+    return f"{heading} [{unit}]" if unit else heading
 
 
 def rest_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
@@ -120,24 +112,19 @@ def rest_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | N
     line = tomllib.loads(toml)
     with (folder / "positions.csv").open(encoding="utf-8", newline="") as file:
         positions = list(csv.DictReader(file))
-    over = list(_figures_over_position(line["car"][0]["name"], positions)) if summary["positions"] > 1 else []
-    alarm = "disagree" if summary["outcome_kind"] in ("breaks", "collides") else None
-    return render_sections(
-        __package__,
-        "assets/line.html",
-        id=folder.name,
-        verdict=verdict,
-        refused=summary["refused"],
-        outcome=summary["outcome"],
-        limits=stored_limits_table(folder, summary),
-        alarm=alarm,
-        side=_side_view_figure(line, ropes, positions),
-        design=largest_and_smallest_rows(summary["design"]),
-        over=over,
-        compared=[x for x in check_rows if x["quantity"] not in RECHECKED],
-        rechecked=[x for x in check_rows if x["quantity"] in RECHECKED],
-        as_read=scene_inputs_html(toml, Line),
-    )
+
+    content: Row = {"id": folder.name, "verdict": verdict, "outcome": summary["outcome"], "refused": summary["refused"]}
+    content["alarm"] = "disagree" if summary["outcome_kind"] in ("breaks", "collides") else None
+    content["limits"] = stored_limits_table(folder, summary)
+    content["side"] = _side_view_figure(line, ropes, positions)
+    content["design"] = extremes_table_rows(summary["design"])
+    content["over"] = []
+    if summary["positions"] > 1:
+        content["over"] = list(_figures_over_position(line["car"][0]["name"], positions))
+    content["compared"] = [x for x in check_rows if x["quantity"] not in RECHECKED]
+    content["rechecked"] = [x for x in check_rows if x["quantity"] in RECHECKED]
+    content["as_read"] = scene_inputs_html(toml, Line)
+    return render_sections(__package__, "assets/line.html", **content)
 
 
 def stored_limits_table(folder: Path, summary: Row) -> Markup:
@@ -150,7 +137,7 @@ def _column_of_floats(positions: Sequence[Row], name: str) -> Array:
     return np.array([float(x[name]) if x.get(name) else np.nan for x in positions])
 
 
-def _side_view_without_cars(line: Row, profile: dict[str, Array], lowest: Sequence[Array]) -> tuple[Panel, str]:
+def _side_view_without_cars(line: Row, profile: Series, lowest: Sequence[Array]) -> tuple[Panel, str]:
     """The side view of a line without its cars, and its caption.
 
     profile : columns of profile.csv;  lowest : depths of the cars' lowest points [m], to fit.
@@ -161,32 +148,43 @@ def _side_view_without_cars(line: Row, profile: dict[str, Array], lowest: Sequen
     ground = np.array(line.get("ground", [])).reshape(-1, 2)
     obstacles = [(o["name"], o["at"], o["top"]) for o in line.get("obstacle", [])]
     tops = np.array([top for _, _, top in obstacles])
-    p = Panel("depth [m]", "", down=True)
+    p = Panel("depth [m]", down=True)
     p.fit_y_axis([highest_of_rope, lowest_of_rope, ground[:, 1], tops, *lowest], pad=0.14)
     end = float(x[-1])
-    caption = set_depth_scale_with_caption(p, 1.12 * end)
-    draw_ground_and_obstacles(p, ground, obstacles)
+    caption = plot.set_depth_scale_with_caption(p, 1.12 * end)
+    plot.draw_ground_and_obstacles(p, ground, obstacles)
     p.bands.append((x, highest_of_rope, lowest_of_rope, "#0072b233"))
-    p.add_curve(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
+    p.add_curve(x, profile["y_rest"], plot.GREY, plot.DOTTED, 1.4, "empty rope")
     for contact in line["contact"]:
-        at, depth = contact["at"]
-        p.dots.append((at, depth, BLACK, contact["kind"] in ("anchor", "saddle")))
-        if "shoe" in contact:
-            p.add_curve(at + contact["shoe"] * np.array([-1.0, 1.0]), np.array([depth, depth]), BLACK, "", 3.0)
-        inwards = float(at < 0.1 * end) - float(at > 0.9 * end)
-        p.labels.append((at + inwards * 0.04 * end, depth - 0.05 * (p.high - p.low), contact["name"]))
+        _draw_contact(p, contact, end)
     return p, caption
 
 
-def series_figure(series: dict[str, Array], unit: str, x: Array, xlabel: str, title: str) -> Markup:
+def _draw_contact(panel: Panel, contact: Row, end: float) -> None:
+    """Draw a support, its shoe and its name in a side view from 0 to `end`."""
+    x, depth = contact["at"]
+    is_fixed = contact["kind"] in ("anchor", "saddle")
+    panel.dots.append((x, depth, plot.BLACK, is_fixed))
+    if "shoe" in contact:
+        half = contact["shoe"]
+        panel.add_curve(np.array([x - half, x + half]), np.array([depth, depth]), plot.BLACK, width=3.0)
+    inwards = float(x < 0.1 * end) - float(x > 0.9 * end)
+    above = depth - 0.05 * (panel.high - panel.low)
+    panel.labels.append((x + inwards * 0.04 * end, above, contact["name"]))
+
+
+def series_figure(series: Series, unit: str, x: Array, xlabel: str, title: str) -> Markup:
     """Series by name, (n,) in SI, over a common axis x (n,)."""
     factor, prefixed = factor_and_prefixed_unit(np.concatenate(list(series.values())), unit)
-    p = Panel(f"[{prefixed}]" if prefixed else "", "", 140.0)
-    p.fit_y_axis([factor * v for v in series.values()])
-    for i, (name, v) in enumerate(series.items()):
-        dash = ("", DASHED)[i // len(COLORS) % 2]
-        p.add_curve(x, factor * v, COLORS[i % len(COLORS)], dash, 1.7, name)
-    return svg_figure([p], (float(np.nanmin(x)), float(np.nanmax(x))), xlabel, title)
+    scaled = {name: factor * values for name, values in series.items()}
+    p = Panel(f"[{prefixed}]" if prefixed else "")
+    p.fit_y_axis(list(scaled.values()))
+    for i, (name, values) in enumerate(scaled.items()):
+        rounds, k = divmod(i, len(plot.COLORS))
+        dash = ("", plot.DASHED)[rounds % 2]
+        p.add_curve(x, values, plot.COLORS[k], dash, 1.7, name)
+    x_range = float(np.nanmin(x)), float(np.nanmax(x))
+    return plot.svg_figure([p], x_range, xlabel, title)
 
 
 def _side_view_figure(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
@@ -195,13 +193,14 @@ def _side_view_figure(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup
     cars = [_CarAtPositions(car, positions) for car in line.get("car", [])]
     p, caption = _side_view_without_cars(line, profile, [car.lowest for car in cars])
     for depth in ropes["depths"].values():
-        p.add_curve(profile["x"], np.array(depth), BLUE, "", 1.0, "rope at some positions; shaded: at all")
-    for car, color in zip(cars, COLORS[1:] * len(cars), strict=False):
-        p.add_curve(car.x, car.lowest, color, DASHED, 1.8, f"lowest point of {car.name}")
+        p.add_curve(profile["x"], np.array(depth), plot.BLUE, "", 1.0, "rope at some positions; shaded: at all")
+    for car, color in zip(cars, plot.COLORS[1:] * len(cars), strict=False):
+        p.add_curve(car.x, car.lowest, color, plot.DASHED, 1.8, f"lowest point of {car.name}")
         if car.x.size == 1:
             p.dots.append((float(car.x[0]), float(car.depth[0]), color, True))
-    end = line["contact"][-1]["at"][0]
-    return svg_figure([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
+    end, _ = line["contact"][-1]["at"]
+    margin = 0.06 * end
+    return plot.svg_figure([p], (-margin, 1.06 * end), "x [m]", caption, wide=True)
 
 
 class _CarAtPositions:
@@ -216,34 +215,36 @@ class _CarAtPositions:
 
 def _figures_over_position(car: str, positions: Sequence[Row]) -> Iterator[Markup]:
     """One figure per kind of quantity, over the position of the first car."""
-    at = _column_of_floats(positions, f"x:{car}")
+    x = _column_of_floats(positions, f"x:{car}")
     for title, kinds in _TEXT["over"].items():
-        names = [name for name in positions[0] if name.partition(":")[0] in kinds]
-        if names:
-            values = {line_quantity_words(name): _column_of_floats(positions, name) for name in names}
-            yield series_figure(values, WORDS[kinds[0]]["unit"], at, f"x of {car} [m]", title)
+        series = {}
+        for name in positions[0]:
+            if name.partition(":")[0] in kinds:
+                series[line_quantity_words(name)] = _column_of_floats(positions, name)
+        if series:
+            yield series_figure(series, WORDS[kinds[0]]["unit"], x, f"x of {car} [m]", title)
 
 
-def _lowest_rope_point_figure(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> Markup:
-    p = Panel("depth [m]", "", 180.0, down=True)
-    for path, row, color in zip(paths, rows, COLORS * len(rows), strict=False):
+def _lowest_rope_point_figure(grid: StoredGrid) -> Markup:
+    p = Panel("depth [m]", height=180.0, down=True)
+    for path, row, color in zip(grid.paths, grid.rows, plot.COLORS * len(grid.rows), strict=False):
         if path:
             x, depth = np.array(path)
-            p.add_curve(x, depth, color, "", 1.4, point_label(row, keys))
+            p.add_curve(x, depth, color, "", 1.4, grid.label_of_point(row))
     p.fit_y_axis([curve.y for curve in p.curves], pad=0.05)
     end = float(p.curves[0].x[-1])
-    return svg_figure([p], (0.0, end), "x [m]", "The lowest point of the rope over all positions.", wide=True)
+    return plot.svg_figure([p], (0.0, end), "x [m]", "The lowest point of the rope over all positions.", wide=True)
 
 
 def line_grid_sections(
-    folder: Path, columns: Callable[[Sequence[Row], Sequence[str]], Columns] = rest_table_columns
+    folder: Path, table_columns: Callable[[Sequence[Row], Sequence[str]], Columns] = rest_table_columns
 ) -> list[Section]:
     """The page of a grid of lines in a folder."""
-    stored = store.read_json(folder / "grid.json")
-    rows = stored["rows"]
-    keys = stored["keys"]
-    html = [grid_table(rows, columns(rows, keys), keys[0])]
-    if any(stored["paths"]):
-        html.append(_lowest_rope_point_figure(rows, stored["paths"], keys))
-    text = f"{len(rows)} lines, {sum(x['status'] != 'complete' for x in rows)} incomplete."
+    grid = StoredGrid.read(folder)
+    rows = grid.rows
+    html = [grid_table(rows, table_columns(rows, grid.keys), grid.keys[0])]
+    if any(grid.paths):
+        html.append(_lowest_rope_point_figure(grid))
+    incomplete = sum(row["status"] != "complete" for row in rows)
+    text = f"{len(rows)} lines, {incomplete} incomplete."
     return [Section(folder.name, "All of them", Markup("\n").join(html), worst_verdict(rows), text)]

@@ -27,7 +27,7 @@ from validation.page.answer import many as table
 from validation.page.line import (
     WORDS,
     base_quantity,
-    largest_and_smallest_rows,
+    extremes_table_rows,
     print_line_summary,
     three_decimals_text,
 )
@@ -344,10 +344,10 @@ class RestAnswers(LineAnswers):
 
     def print_answer(self, seconds: float) -> None:
         """Print outcome, limits, design numbers, and the first three positions without rest."""
-        rows = largest_and_smallest_rows([d for d in self.design if base_quantity(d["quantity"]) not in NOT_PRINTED])
+        rows = extremes_table_rows([d for d in self.design if base_quantity(d["quantity"]) not in NOT_PRINTED])
         zero = three_decimals_text(0.0, "m")
         printed = [row for row in rows if row["largest"] != zero or row["smallest"] != "the same"]
-        count = len(largest_and_smallest_rows(self.design))
+        count = len(extremes_table_rows(self.design))
         print_line_summary(self.line, self.outcome.sentence, self.limits, printed, count)
         without_rest = self.positions_without_rest
         most = 3  # reasons

@@ -5,7 +5,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -16,23 +16,14 @@ from validation.core import limits, store
 from validation.core.answers import crosswind_load_factor, outcome_of_run
 from validation.core.quantities import factor_and_prefixed_unit, quantity_words
 from validation.core.sidebyside import map_in_parallel
-from validation.page import report, terminal
+from validation.page import plot, report, terminal
 from validation.page.options import GridPoint
 from validation.page.page import Section, details, gallery, html_table, versions_footer
-from validation.page.plot import (
-    COLORS,
-    DASHED,
-    DOTTED,
-    GREY,
-    Panel,
-    draw_ground_and_obstacles,
-    set_depth_scale_with_caption,
-    svg_figure,
-)
+from validation.page.plot import Panel
 from validation.page.scene_keys import scene_keys_table
 from validation.page.side_view import at_most_300_indices, six_digits
 
-DASHES = ("", DASHED, DOTTED, "8 3 2 3")  # one for each value of the keys after the first
+DASHES = ("", plot.DASHED, plot.DOTTED, "8 3 2 3")  # one for each value of the keys after the first
 POSITIONS = ("rests_at_m", "farthest_m")
 LIMITS = ("limits_met", "limits_worst")
 Row = dict[str, Any]
@@ -81,7 +72,25 @@ class Column:
         return format(self.factor * value, self.spec)
 
 
-Columns = dict[str, Column]
+Columns = dict[str, Column]  # by the key of their values
+AnswerPoint = Callable[[GridPoint], tuple[Row, Any]]  # row of the table, and path
+
+
+class StoredGrid(NamedTuple):
+    """grid.json"""
+
+    keys: list[str]  # varied, in the order of the options
+    rows: list[Row]  # one per point
+    paths: list[Any]  # one per point, None where there is none
+
+    @classmethod
+    def read(cls, folder: Path) -> "StoredGrid":
+        stored = store.read_json(folder / "grid.json")
+        return cls(stored["keys"], stored["rows"], stored["paths"])
+
+    def label_of_point(self, row: Row) -> str:
+        """Its varied values."""
+        return ", ".join(f"{key.split('.')[-1]} {row[key]}" for key in self.keys)
 
 
 def answer_table_row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
@@ -95,9 +104,11 @@ def answer_table_row(scene: Scene, r: Response, verdict: str | None = None) -> R
         stops = [e["s_o"] for e in r.events if e["event"] == "stop"]
         out["rests_at_m"] = stops[-1] if rests else None
         out["farthest_m"] = float(r.s_o.max())
-    out |= _worst_table_numbers(r.design) | limits.worst_limit_columns(limits.limit_rows(scene, r.design, r.events))
-    if (factor := crosswind_load_factor(scene)) is not None:
-        out["crosswind_load"] = factor
+    out |= _worst_table_numbers(r.design)
+    out |= limits.worst_limit_columns(limits.limit_rows(scene, r.design, r.events))
+    crosswind = crosswind_load_factor(scene)
+    if crosswind is not None:
+        out["crosswind_load"] = crosswind
     if verdict is not None:
         out["verdict"] = verdict
     return out
@@ -120,8 +131,8 @@ def sparse_path_columns(r: Response) -> dict[str, list[float]]:
 
 
 def answer_and_store_grid(
-    command: str, subfolder: str, scene: Any, points: Sequence[GridPoint], out: Path | None,
-    answer_point: Callable[[GridPoint], tuple[Row, Any]], table_columns: Callable[[list[Row], list[str]], Columns],
+    command: str, subfolder: str, scene: Any, points: Sequence[GridPoint], out: Path | None, answer_point: AnswerPoint,
+    table_columns: Callable[[list[Row], list[str]], Columns],
 ) -> list[Row]:  # fmt: skip
     """Answer every point of a grid by a row and its path; store, draw, print and return the rows.
 
@@ -134,19 +145,18 @@ def answer_and_store_grid(
     for point, (row, _) in zip(points, answers, strict=True):
         values = {key: store.nulls_for_nonfinite(value) for key, value in point.values.items()}
         rows.append(values | row)
-    write_csv_rows(folder / subfolder / "table.csv", rows)
-    paths = [path for _, path in answers]
-    write_json(folder / subfolder / "grid.json", {"keys": keys, "rows": rows, "paths": paths})
-    write_text(folder / subfolder / "scene.toml", scene.to_toml())
+    grid = StoredGrid(keys, rows, [path for _, path in answers])
+    home = folder / subfolder
+    write_csv_rows(home / "table.csv", rows)
+    write_json(home / "grid.json", grid._asdict())
+    write_text(home / "scene.toml", scene.to_toml())
     report.write_report_and_finish(folder, command)
     _print_grid_table(rows, table_columns(rows, keys))
     terminal.print_text(f"  written to {folder}: report.html, {subfolder}/table.csv")
     return rows
 
 
-def _answer_in_parallel(
-    points: Sequence[GridPoint], answer_point: Callable[[GridPoint], tuple[Row, Any]]
-) -> list[tuple[Row, Any]]:
+def _answer_in_parallel(points: Sequence[GridPoint], answer_point: AnswerPoint) -> list[tuple[Row, Any]]:
     """Answers in the order of the points, with a bar of progress."""
     answers: dict[int, tuple[Row, Any]] = {}
     many = 50  # scenes: of more the number is said before they start
@@ -172,12 +182,13 @@ def write_csv_rows(file: Path, rows: Sequence[Row]) -> None:
 
 
 def _print_grid_table(rows: list[Row], columns: Columns) -> None:
+    heads = [column.head for column in columns.values()]
     cells = []
     numeric = set()
     for row in rows:
         cells.append([column.cell_text(row.get(name)) for name, column in columns.items()])
         numeric |= {column.head for name, column in columns.items() if isinstance(row.get(name), int | float)}
-    terminal.print_table([column.head for column in columns.values()], cells, right=list(numeric))
+    terminal.print_table(heads, cells, right=list(numeric))
 
 
 def run_table_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
@@ -197,41 +208,41 @@ def run_table_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
     return out
 
 
-def grid_table(rows: list[Row], columns: Columns, first_key: str) -> Markup:
-    """A grid's table; on a phone a block begins with `first_key` and its value."""
-    cells = [{c.head: c.cell_text(x.get(name)).replace("-", "−") for name, c in columns.items()} for x in rows]
-    for cell in cells:
-        cell[first_key] = Markup('<span class="phone">{} </span>{}').format(first_key, cell[first_key])
-    return html_table(cells, [c.head for c in columns.values()], stack=True)
+def grid_table(rows: list[Row], columns: Columns, heading_on_phone: str) -> Markup:
+    """A grid's table; on a phone a block begins with `heading_on_phone` and its value."""
+    label = Markup('<span class="phone">{} </span>{}')
+    blocks = []
+    for row in rows:
+        cells = {c.head: c.cell_text(row.get(name)).replace("-", "−") for name, c in columns.items()}
+        cells[heading_on_phone] = label.format(heading_on_phone, cells[heading_on_phone])
+        blocks.append(cells)
+    return html_table(blocks, [c.head for c in columns.values()], stack=True)
 
 
 def run_grid_sections(folder: Path) -> list[Section]:
     """The page of the grid of runs in a folder."""
-    stored = store.read_json(folder / "grid.json")
-    rows = stored["rows"]
-    paths = stored["paths"]
-    keys = stored["keys"]
+    grid = StoredGrid.read(folder)
+    rows = grid.rows
+    keys = grid.keys
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
-    html = [
-        grid_table(rows, run_table_columns(rows, keys), keys[0]),
-        gallery(_side_view_figure(scene, rows, paths, keys), _speed_over_position_figure(rows, paths, keys)),
-        details("What is the same in all of them", scene_keys_table(scene.to_toml(), without=keys)),
-        versions_footer(),
-    ]
+    html = [grid_table(rows, run_table_columns(rows, keys), keys[0])]
+    html.append(gallery(_side_view_figure(scene, grid), _speed_over_position_figure(grid)))
+    html.append(details("What is the same in all of them", scene_keys_table(scene.to_toml(), without=keys)))
+    html.append(versions_footer())
     kinds = [x["outcome_kind"] for x in rows]
     summary = ", ".join(f"{kinds.count(kind)} of {len(rows)} {ENDS[kind]}" for kind in dict.fromkeys(kinds))
     return [Section("grid", "All of them", Markup("\n").join(html), None, f"{summary}.")]
 
 
-def point_label(point: Row, keys: Sequence[str]) -> str:
-    return ", ".join(f"{key.split('.')[-1]} {point[key]}" for key in keys)
-
-
-def _colours_and_dashes(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
+def _colours_and_dashes(grid: StoredGrid) -> list[tuple[str, str]]:
     """Colour and dash of each row, by the first key and by the others."""
-    firsts = _indices_by_first_appearance([json.dumps(point[keys[0]]) for point in rows])
-    others = _indices_by_first_appearance([json.dumps([point[key] for key in keys[1:]]) for point in rows])
-    return [(COLORS[a % len(COLORS)], DASHES[b % len(DASHES)]) for a, b in zip(firsts, others, strict=True)]
+    first, *others = grid.keys
+    looks = []
+    colours = _indices_by_first_appearance([json.dumps(row[first]) for row in grid.rows])
+    dashes = _indices_by_first_appearance([json.dumps([row[key] for key in others]) for row in grid.rows])
+    for i, j in zip(colours, dashes, strict=True):
+        looks.append((plot.COLORS[i % len(plot.COLORS)], DASHES[j % len(DASHES)]))
+    return looks
 
 
 def _indices_by_first_appearance(values: Sequence[str]) -> list[int]:
@@ -240,37 +251,37 @@ def _indices_by_first_appearance(values: Sequence[str]) -> list[int]:
     return [order.index(value) for value in values]
 
 
-def _add_path_curves(
-    panel: Panel, rows: list[dict], paths: list[dict | None], keys: Sequence[str], x_column: str, y_column: str
-) -> None:  # fmt: skip
-    for values, point, look in zip(paths, rows, _colours_and_dashes(rows, keys), strict=True):
-        if values:
-            panel.add_curve(
-                np.array(values[x_column]), np.array(values[y_column]), *look, 1.6, point_label(point, keys)
-            )
+def _add_path_curves(panel: Panel, grid: StoredGrid, x_column: str, y_column: str) -> None:
+    for path, row, look in zip(grid.paths, grid.rows, _colours_and_dashes(grid), strict=True):
+        if path:
+            x = np.array(path[x_column])
+            y = np.array(path[y_column])
+            panel.add_curve(x, y, *look, 1.6, grid.label_of_point(row))
 
 
-def _side_view_figure(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
+def _side_view_figure(scene: Scene, grid: StoredGrid) -> Markup:
     """The empty rope, the paths, ground and obstacles from the side."""
     span = scene.supports.span
     below = 0.0 if scene.mass is None else scene.mass.below
-    X = scene.catenary
     s = np.linspace(0.0, scene.length, 101)
+    x = scene.catenary.x(s)
+    y = scene.catenary.y(s)
     ground = np.array(scene.ground).reshape(-1, 2)
-    depths = [X.y(s), ground[:, 1], np.array([o.top for o in scene.obstacle])]
-    depths += [np.array(path["y"]) + below for path in paths if path]
+    obstacles = [(o.name, o.at, o.top) for o in scene.obstacle]
+    tops = np.array([o.top for o in scene.obstacle])
+    lowest_of_cars = [np.array(path["y"]) + below for path in grid.paths if path]
     p = Panel("depth [m]", "path of the car", down=True)
-    p.fit_y_axis(depths, pad=0.05)
-    caption = set_depth_scale_with_caption(p, span)
-    draw_ground_and_obstacles(p, ground, [(o.name, o.at, o.top) for o in scene.obstacle])
-    p.add_curve(X.x(s), X.y(s), GREY, DOTTED, 1.2, "empty rope at rest")
-    _add_path_curves(p, rows, paths, keys, "x", "y")
-    return svg_figure([p], (0.0, span), "x [m]", caption)
+    p.fit_y_axis([y, ground[:, 1], tops, *lowest_of_cars], pad=0.05)
+    caption = plot.set_depth_scale_with_caption(p, span)
+    plot.draw_ground_and_obstacles(p, ground, obstacles)
+    p.add_curve(x, y, plot.GREY, plot.DOTTED, 1.2, "empty rope at rest")
+    _add_path_curves(p, grid, "x", "y")
+    return plot.svg_figure([p], (0.0, span), "x [m]", caption)
 
 
-def _speed_over_position_figure(rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
+def _speed_over_position_figure(grid: StoredGrid) -> Markup:
     p = Panel("[km/h]", "speed", 180.0)
-    _add_path_curves(p, rows, paths, keys, "s_o", "kmh")
+    _add_path_curves(p, grid, "s_o", "kmh")
     p.fit_y_axis([np.zeros(1), *(curve.y for curve in p.curves)])
-    end = max((max(path["s_o"]) for path in paths if path), default=1.0)
-    return svg_figure([p], (0.0, end), "metres along the rope", "Speed of the car along the rope.")
+    end = max((max(path["s_o"]) for path in grid.paths if path), default=1.0)
+    return plot.svg_figure([p], (0.0, end), "metres along the rope", "Speed of the car along the rope.")
