@@ -112,33 +112,31 @@ class Panel:
         low, high, unit = self.scale
         per_unit = self.height / (high - low)
         ticks = [(_round_to_tenth(per_unit * (high - y)), words) for y, words in _ticks(low, high, 4)]
-        return {"image": _coloured_png_base64(np.linspace(1.0, 0.0, 64)[:, None]), "unit": unit, "ticks": ticks}
+        colours = np.linspace(1.0, 0.0, 64)[:, None]
+        return {"image": _coloured_png_base64(colours), "unit": unit, "ticks": ticks}
 
     def template_input(self, x_to_paper: Callable[[Any], Array], width: float) -> dict[str, Any]:
         """The template's input in user units; x_to_paper : from x to user units; width : of the panel."""
+        height = self._height_on_paper
 
         def point(x: float, y: float) -> tuple[float, float]:
-            return _round_to_tenth(x_to_paper(x)), _round_to_tenth(self._height_on_paper(y))
+            return _round_to_tenth(x_to_paper(x)), _round_to_tenth(height(y))
 
+        drawn: dict[str, Any] = {"h": self.height, "w": width, "title": self.title, "unit": self.unit}
         ticks = _log_ticks(self.low, self.high) if self.log else _ticks(self.low, self.high, self.height / 28)
-        bands = []
+        drawn["ticks"] = [(_round_to_tenth(height(y)), words) for y, words in ticks]
+        drawn["scale"] = self._colour_scale_input()
+        drawn["verticals"] = [(_round_to_tenth(x_to_paper(x)), color, dash) for x, color, dash in self.verticals]
+        drawn["curves"] = [(_svg_path_data(x_to_paper(curve.x), height(curve.y)), curve) for curve in self.curves]
+        drawn["bands"] = []
         for x, low, high, color in self.bands:
-            there_and_back = x_to_paper(np.append(x, x[::-1]))
-            bands.append((_svg_path_data(there_and_back, self._height_on_paper(np.append(high, low[::-1]))), color))
-        return {
-            "h": self.height,
-            "w": width,
-            "title": self.title,
-            "unit": self.unit,
-            "ticks": [(_round_to_tenth(self._height_on_paper(y)), words) for y, words in ticks],
-            "scale": self._colour_scale_input(),
-            "verticals": [(_round_to_tenth(x_to_paper(x)), color, dash) for x, color, dash in self.verticals],
-            "curves": [(_svg_path_data(x_to_paper(c.x), self._height_on_paper(c.y)), c) for c in self.curves],
-            "bands": bands,
-            "dots": [(*point(x, y), *look) for x, y, *look in self.dots],
-            "labels": [(*point(x, y), words) for x, y, words in self.labels],
-            "image": None if self.image is None else _coloured_png_base64(self.image),
-        }
+            around_x = np.append(x, x[::-1])
+            around_y = np.append(high, low[::-1])
+            drawn["bands"].append((_svg_path_data(x_to_paper(around_x), height(around_y)), color))
+        drawn["dots"] = [(*point(x, y), *look) for x, y, *look in self.dots]
+        drawn["labels"] = [(*point(x, y), words) for x, y, words in self.labels]
+        drawn["image"] = None if self.image is None else _coloured_png_base64(self.image)
+        return drawn
 
 
 def set_depth_scale_with_caption(panel: Panel, width: float) -> str:
@@ -159,7 +157,8 @@ def draw_ground_and_obstacles(panel: Panel, ground: Array, obstacles: Sequence[t
         x, depth = ground.T
         panel.add_curve(x, depth, "#8a7a55", name="ground")
     for name, x, top in obstacles:
-        panel.add_curve(np.array([x, x]), np.array([top, panel.high]), "#6b8e5a", "", 5.0, name)
+        from_top_down = np.array([top, panel.high])
+        panel.add_curve(np.array([x, x]), from_top_down, "#6b8e5a", "", 5.0, name)
 
 
 def svg_figure(
@@ -168,10 +167,11 @@ def svg_figure(
     """An HTML figure of panels below one another over a common x, with a caption and a key."""
     right = 74 if any(p.scale for p in panels) else RIGHT
     width = WIDTH - LEFT - right
-    per_unit = width / ((x_range[1] - x_range[0]) or 1.0)
+    begin, end = x_range
+    per_unit = width / ((end - begin) or 1.0)
 
     def to_paper(values: Any) -> Array:
-        return per_unit * (np.asarray(values, dtype=float) - x_range[0])
+        return per_unit * (np.asarray(values, dtype=float) - begin)
 
     shown = []
     top = 6.0
@@ -179,29 +179,27 @@ def svg_figure(
         top += 20.0 if panel.title or panel.scale else 0.0
         shown.append(panel.template_input(to_paper, width) | {"top": top, "last": panel is panels[-1]})
         top += panel.height + 14.0
-    svg = render_template(
-        "plot.svg",
-        panels=shown,
-        width=WIDTH,
-        height=top - 14.0 + BELOW,
-        left=LEFT,
-        right=right,
-        xlabel=xlabel,
-        label=text_without_tags(caption),
-        key={c.name: c for p in panels for c in p.curves if c.name},
-        xticks=[(_round_to_tenth(to_paper(value)), words) for value, words in _ticks(*x_range, 7)],
-    )
-    return figure_of(svg, caption, wide=wide)
+    content: dict[str, Any] = {"panels": shown, "xlabel": xlabel, "label": text_without_tags(caption)}
+    content |= {"width": WIDTH, "height": top - 14.0 + BELOW, "left": LEFT, "right": right}
+    content["key"] = {curve.name: curve for panel in panels for curve in panel.curves if curve.name}
+    content["xticks"] = [(_round_to_tenth(to_paper(value)), words) for value, words in _ticks(begin, end, 7)]
+    return figure_of(render_template("plot.svg", **content), caption, wide=wide)
 
 
 def _log_ticks(low: float, high: float) -> list[tuple[float, str]]:
-    powers = range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
-    return [(10.0**n, f"{10.0**n:g}" if -3 < n < 4 else f"10{superscript_text(n)}") for n in powers]
+    """Powers of ten and their text."""
+    first = math.ceil(math.log10(low))
+    last = math.floor(math.log10(high))
+    ticks = []
+    for n in range(first, last + 1):
+        value = 10.0**n
+        ticks.append((value, f"{value:g}" if -3 < n < 4 else f"10{superscript_text(n)}"))
+    return ticks
 
 
-def _ticks(low: float, high: float, count: float) -> list[tuple[float, str]]:
-    """Round values and their text, `count` at most."""
-    rough = (high - low) / max(count, 2.0)
+def _ticks(low: float, high: float, max_count: float) -> list[tuple[float, str]]:
+    """Round values and their text."""
+    rough = (high - low) / max(max_count, 2.0)
     if not (rough > 0.0 and math.isfinite(rough)):
         return []
     tens = 10.0 ** math.floor(math.log10(rough))
@@ -212,7 +210,11 @@ def _ticks(low: float, high: float, count: float) -> list[tuple[float, str]]:
     first = math.ceil(low / step - 1e-9)
     last = math.floor(high / step + 1e-9)
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
-    return [(n * step, f"{n * step:.{digits}f}".replace("-", "−")) for n in range(first, last + 1)]
+    ticks = []
+    for n in range(first, last + 1):
+        value = n * step
+        ticks.append((value, f"{value:.{digits}f}".replace("-", "−")))
+    return ticks
 
 
 def _round_to_tenth(x: Any) -> float:
@@ -230,9 +232,9 @@ def _svg_path_data(x: Array, y: Array) -> str:
         low = np.minimum.reduceat(y, first)
         high = np.maximum.reduceat(y, first)
         falls = y[last] < y[first]
-        y = np.stack([low, high], axis=1)  # (half pixels, 2), in the order of the curve
-        y[falls] = y[falls, ::-1]
-        y = y.ravel()
+        pairs = np.stack([low, high], axis=1)  # (half pixels, 2), in the order of the curve
+        pairs[falls] = pairs[falls, ::-1]
+        y = pairs.ravel()
         x = np.repeat(x[first], 2)
     points = [f"{a:.1f},{b:.1f}" for a, b in zip(x.tolist(), y.tolist(), strict=True)]
     return "M" + " ".join(points) if points else ""
@@ -241,9 +243,10 @@ def _svg_path_data(x: Array, y: Array) -> str:
 def colour_map_bytes(n: int) -> Array:
     """(n, 3) colours, bytes, along FIELD."""
     nodes = np.array([list(bytes.fromhex(name)) for name in FIELD.split()], dtype=float)  # (nodes, 3)
+    numbers = np.arange(len(nodes))
     at = np.linspace(0.0, len(nodes) - 1.0, n)
-    columns = [np.interp(at, np.arange(len(nodes)), column) for column in nodes.T]
-    return np.stack(columns, axis=1).round().astype(np.uint8)
+    channels = [np.interp(at, numbers, channel) for channel in nodes.T]
+    return np.stack(channels, axis=1).round().astype(np.uint8)
 
 
 def _coloured_png_base64(values: Array) -> str:
