@@ -142,7 +142,7 @@ def test_verdicts_of_all_scenes_come_before_what_is_behind_them(tmp_path, monkey
         )
     two = [Section(name, name.capitalize(), "<p>1</p>") for name in ("verdict", "path")]
     monkeypatch.setattr(report, "read_stored_sections", lambda folder, command: two)
-    report.write_combined_report(tmp_path, parts)
+    report.write_and_print_combined_report(tmp_path, parts)
     page = (tmp_path / "report.html").read_text()
     order = ["level-verdict", "tramway-verdict", "level-path", "tramway-path", "paper-verdict", "paper-path"]
     places = [page.index(f'id="{name}"') for name in order]

@@ -71,7 +71,7 @@ def test_every_row_is_there_with_its_numbers(check_copy):
     rows = json.loads((check_copy / "agreement.json").read_text())["rows"]
     for row in rows:
         if row["gap"] is not None:
-            assert f"{page.number_html(100.0 * row['gap'])}\u202f%" in html
+            assert f"{page.number_text(100.0 * row['gap'])}\u202f%" in html
     assert f"All {len(rows)} comparisons" in html
 
 

@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from validation.page import page
 from validation.page.figures import captioned_figure, figure_with_axes, inline_svg, report_style
-from validation.page.page import Section, html_table, number_html, percent_text, write_page
+from validation.page.page import Section, html_table, number_text, percent_text, write_page
 from validation.page.plot import Panel
 
 EVIL = '<script>alert(7)</script> & "co"'
@@ -110,7 +110,7 @@ def test_disagreements_come_first(tmp_path):
     text = page_text(tmp_path, *sections)
     contents = text[text.index("<nav") : text.index("</nav>")]
     assert re.findall(r'href="#(s\d)"', contents) == ["s3", "s1", "s0", "s2"]
-    rows = html_table([{"verdict": v, "n": i} for i, v in enumerate(verdicts)], ["n", "verdict"], sort=True)
+    rows = html_table([{"verdict": v, "n": i} for i, v in enumerate(verdicts)], ["n", "verdict"], worst_first=True)
     assert re.findall(r"<div>(\d)</div>", rows) == ["3", "1", "0", "2"]
     assert rows.count("badge") == 3
 
@@ -141,7 +141,7 @@ def test_an_unknown_verdict_is_refused_and_an_older_report_kept(tmp_path):
     ],
 )  # fmt: skip
 def test_numbers_are_short_and_never_nan(x, digits, text):
-    assert number_html(x, digits) == text
+    assert number_text(x, digits) == text
 
 
 def test_a_ratio_in_percent_has_its_unit():

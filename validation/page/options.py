@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cablefem.scene.line import Line
 
 
-def parse_real(text: str) -> float:
+def parse_float(text: str) -> float:
     """A number; BadParameter for any other text."""
     try:
         return float(text)
@@ -28,7 +28,7 @@ def parse_real(text: str) -> float:
 
 
 def number_option(name: str, help: str) -> Any:
-    return typer.Option(name, parser=parse_real, metavar="X", help=help)
+    return typer.Option(name, parser=parse_float, metavar="X", help=help)
 
 
 def out_option(folder: str, more: str = "") -> Any:
@@ -206,7 +206,7 @@ def _faults_of_undotted_keys(settings: Mapping[str, Any], scene_type: type[Any])
 
 
 @contextmanager
-def writing_results(out: Path | None, command: str, scene: Scene | str, files: list[str]) -> Iterator[Path]:
+def claim_and_finish_results(out: Path | None, command: str, scene: Scene | str, files: list[str]) -> Iterator[Path]:
     """Claim the folder; after the `with` block mark it finished, and print what was written."""
     folder = store.claim_and_clear_folder(out, command, scene, files)
     yield folder
@@ -214,7 +214,7 @@ def writing_results(out: Path | None, command: str, scene: Scene | str, files: l
     terminal.print_text(f"written to {folder}: {', '.join(files)}")
 
 
-def run_study(
+def run_and_report_study(
     command: str, scene: Scene | Line | str, files: list[str], out: Path | None, study: Callable[..., Any], *inputs: Any
 ) -> Any:
     """Run a study, write its pages and print their findings.

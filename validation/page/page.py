@@ -52,16 +52,14 @@ def write_page(title: str, sections: Sequence[Section], out_file: Path) -> None:
     order = list(VERDICTS)
     judged = [s for s in sections if s.verdict]
     judged.sort(key=lambda s: order.index(s.verdict or ""))
-    names = ["page.js", *dict.fromkeys(name for s in sections for name in s.scripts)]
-    page = _ENVIRONMENT.get_template("page.html").render(
-        title=title,
-        sections=sections,
-        judged=judged,
-        contents=_sections_by_command(s for s in sections if not s.verdict or len(judged) < 2),
-        css=Markup(read_asset("page.css")),
-        scripts=[Markup(read_asset(name)) for name in names],
-    )
-    write_text(out_file, page)
+    others = [s for s in sections if not s.verdict]
+    scripts = dict.fromkeys(name for s in sections for name in s.scripts)
+
+    content: dict[str, Any] = {"title": title, "sections": sections, "judged": judged}
+    content["contents"] = _sections_by_command(sections if len(judged) < 2 else others)
+    content["css"] = Markup(read_asset("page.css"))
+    content["scripts"] = [Markup(read_asset(name)) for name in ("page.js", *scripts)]
+    write_text(out_file, render_template("page.html", **content))
 
 
 def _sections_by_command(sections: Iterable[Section]) -> dict[str, list[Section]]:
@@ -77,7 +75,7 @@ def render_sections(package: str, file: str = "page.html", /, **content: Any) ->
 
     A section's summary is text, or a macro's answer.
     """
-    out: list[Section] = []
+    sections: list[Section] = []
 
     def section(
         id: str, title: str, verdict: str | None = None, summary: str = "", *, scripts: Sequence[str] = (),
@@ -85,11 +83,11 @@ def render_sections(package: str, file: str = "page.html", /, **content: Any) ->
     ) -> str:  # fmt: skip
         """Collect a section; the template shows nothing in its stead."""
         text = text_without_tags(summary) if isinstance(summary, Markup) else summary
-        out.append(Section(id, title, caller(), verdict, text, tuple(scripts)))
+        sections.append(Section(id, title, caller(), verdict, text, tuple(scripts)))
         return ""
 
     _ENVIRONMENT.get_template(f"{package}/{file}").render(section=section, **content)
-    return out
+    return sections
 
 
 def text_without_tags(markup: str) -> str:
@@ -99,16 +97,16 @@ def text_without_tags(markup: str) -> str:
 
 
 def html_table(
-    rows: Iterable[Mapping[str, Any]], columns: Sequence[str], *, caption: str = "", sort: bool = False,
+    rows: Iterable[Mapping[str, Any]], columns: Sequence[str], *, caption: str = "", worst_first: bool = False,
     stack: bool = False,
 ) -> Markup:  # fmt: skip
     """A table of rows by `columns`: keys, with units in brackets.
 
     Cells: numbers to three digits, None as a dash, a verdict under the key "verdict" as a badge.
-    sort : worst verdicts first.  stack : on a phone every row becomes a block.
+    worst_first : by verdict.  stack : on a phone every row becomes a block.
     """
     rows = list(rows)
-    if sort:
+    if worst_first:
         rank = {verdict: i for i, verdict in enumerate(VERDICTS)}
         rows.sort(key=lambda row: rank.get(row.get("verdict") or "", len(rank)))
     numeric = [key for key in columns if rows and all(isinstance(row.get(key), Real | None) for row in rows)]
@@ -119,10 +117,10 @@ def html_table_by_heading(rows: Iterable[Mapping[str, Any]], columns: Mapping[st
     """A table by heading: an expression of a row's entries, or a macro of the row; `options` as in `html_table`."""
 
     def cells(row: Mapping[str, Any]) -> dict[str, Any]:
-        return {
-            head: content(row) if callable(content) else compile_template_expression(content)(**row)
-            for head, content in columns.items()
-        }
+        out = {}
+        for head, content in columns.items():
+            out[head] = content(row) if callable(content) else compile_template_expression(content)(**row)
+        return out
 
     return html_table(map(cells, rows), list(columns), **options)
 
@@ -137,11 +135,11 @@ def _cell_content(value: Any) -> Any:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value is None or isinstance(value, Real):
-        return number_html(value)  # type: ignore[arg-type]
+        return number_text(value)  # type: ignore[arg-type]
     return value
 
 
-def number_html(x: float | None, digits: int = 3) -> str:
+def number_text(x: float | None, digits: int = 3) -> str:
     """A number to so many digits, like 2.1 × 10⁻⁵ if far from one; None: a dash."""
     if x is None or not math.isfinite(x):
         return "–"
@@ -149,11 +147,12 @@ def number_html(x: float | None, digits: int = 3) -> str:
         return f"{x:,}".replace(",", "\u202f").replace("-", "−")
     if x == 0.0:
         return "0"
-    mantissa, exponent = f"{x:.{digits - 1}e}".split("e")
+    rounded = f"{x:.{digits - 1}e}"
+    mantissa, exponent = rounded.split("e")
     power = int(exponent)
     if -4 < power < 5:
         decimals = max(0, digits - 1 - power)
-        return f"{float(f'{mantissa}e{power}'):.{decimals}f}".replace("-", "−")
+        return f"{float(rounded):.{decimals}f}".replace("-", "−")
     return f"{mantissa}\u202f×\u202f10{superscript_text(power)}".replace("-", "−")
 
 
@@ -167,8 +166,8 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 def percent_text(fraction: float | None, digits: int = 2) -> str:
     """A fraction in percent; None: a dash."""
     if fraction is None or not math.isfinite(fraction):
-        return number_html(fraction)
-    return f"{number_html(100.0 * fraction, digits)}\u202f%"
+        return number_text(fraction)
+    return f"{number_text(100.0 * fraction, digits)}\u202f%"
 
 
 def typeset_number(text: str) -> str:
@@ -179,7 +178,7 @@ def typeset_number(text: str) -> str:
 def force_text(x: float) -> str:
     """A force to four digits, in N, kN, MN or GN."""
     factor, unit = factor_and_prefixed_unit(np.array([x]), "N")
-    return f"{number_html(factor * x, 4)}\u202f{unit}"
+    return f"{number_text(factor * x, 4)}\u202f{unit}"
 
 
 def html_table_of_pairs(pairs: Mapping[str, Any], *headings: str) -> Markup:
@@ -190,7 +189,9 @@ def seconds_text(x: float | None) -> str:
     """Seconds in s or ms; None: a dash."""
     if x is None or not math.isfinite(x):
         return "–"
-    return f"{number_html(1e3 * x, 2)} ms" if x < 1.0 else f"{number_html(x, 2)} s"
+    if x < 1.0:
+        return f"{number_text(1e3 * x, 2)} ms"
+    return f"{number_text(x, 2)} s"
 
 
 def package_versions() -> dict[str, str]:
@@ -239,7 +240,7 @@ _ENVIRONMENT = jinja2.Environment(
 )
 _ENVIRONMENT.filters |= {
     "cell": _cell_content,
-    "number": number_html,
+    "number": number_text,
     "percent": percent_text,
     "seconds": seconds_text,
     "settings": settings_text,

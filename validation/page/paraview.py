@@ -38,8 +38,9 @@ class _Writer(TimeSeriesWriter):
         name = f"data{self.data_counter}"
         self.data_counter += 1
         content = np.ascontiguousarray(data)
+        kind = h5t.py_create(content.dtype)
         space = h5s.create_simple(content.shape)
-        dataset = h5d.create(self.h5_file.id, name.encode(), h5t.py_create(content.dtype), space)
+        dataset = h5d.create(self.h5_file.id, name.encode(), kind, space)
         dataset.write(h5s.ALL, h5s.ALL, content)
         return f"{Path(self.h5_filename).name}:/{name}"
 
@@ -79,27 +80,25 @@ def _write_frames(r: Response, cable: Any, mass: Any) -> None:
     numbers = np.arange(m)
     behind_mass = np.searchsorted(f.s, f.s_o, side="right") - 1  # station i of s_i <= s_o <= s_i+1
     behind_mass = np.clip(behind_mass, 0, m - 2)
+    vertex = "vertex", np.array([[0]])
     for k, t in enumerate(f.t.tolist()):
         i = behind_mass[k]
         begins = np.insert(numbers[:-1], i + 1, m + 1)
         ends = np.insert(numbers[1:], i, m)
+        lines = "line", np.stack([begins, ends], axis=1)
         du = np.interp(f.s_o[k], f.s, f.du[k])
         dv = np.interp(f.s_o[k], f.s, f.dv[k])
         points = np.vstack([stations, at_mass[k], at_mass[k]])
-        lines = np.stack([begins, ends], axis=1)
         moved = np.vstack([_vectors_with_y_up(f.u[k], f.v[k]), displacement[k], displacement[k]])
         velocity = _vectors_with_y_up(np.append(f.du[k], [du, du]), np.append(f.dv[k], [dv, dv]))
-        tension = np.append(f.T[k], [f.T_behind[k], f.T_ahead[k]])
-        cable.add_frame(t, points, ("line", lines), displacement=moved, velocity=velocity, tension=tension)
-        at = slice(k, k + 1)
-        mass.add_frame(
-            t,
-            at_mass[at],
-            ("vertex", np.array([[0]])),
-            displacement=displacement[at],
-            tension_behind=f.T_behind[at],
-            tension_ahead=f.T_ahead[at],
-        )
+        T_behind = f.T_behind[k : k + 1]
+        T_ahead = f.T_ahead[k : k + 1]
+        tension = np.concatenate([f.T[k], T_behind, T_ahead])
+        cable.add_frame(t, points, lines, displacement=moved, velocity=velocity, tension=tension)
+
+        point = at_mass[k : k + 1]
+        mass_moved = displacement[k : k + 1]
+        mass.add_frame(t, point, vertex, displacement=mass_moved, tension_behind=T_behind, tension_ahead=T_ahead)
 
 
 def _vectors_with_y_up(x: Array, y: Array) -> Array:

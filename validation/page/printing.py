@@ -23,7 +23,8 @@ def print_agreements(agreements: Sequence[Agreement]) -> None:
         row = agreement.to_json()
         name = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
         numbers = [_number_or_dash(row.get(key), ".1e") for key in ("gap", "allowed", "asked_for")]
-        cells.append([name, *numbers, _number_or_dash(row.get("where"), ".3f"), row["verdict"] or "shown"])
+        where = _number_or_dash(row.get("where"), ".3f")
+        cells.append([name, *numbers, where, row["verdict"] or "shown"])
     columns = ["quantity", "gap", "allowed", "asked for", "at s_o/l", "verdict"]
     terminal.print_table(columns, cells, right=columns[1:5])
 
@@ -86,15 +87,12 @@ def print_last_five_events(events: Sequence[dict[str, Any]]) -> None:
 
 def print_method_and_flags(r: Response) -> None:
     """Print method, settings, time and path error of a run, and its flags, which are reasons for doubt."""
-    if r.model == "quasi-static":
-        terminal.print_text(
-            "  by the quasi-static model, which leaves out the inertia of the rope: that is in its bars"
-        )
-    else:
+    text = "  by the quasi-static model, which leaves out the inertia of the rope: that is in its bars"
+    if r.model != "quasi-static":
         bar = "" if r.path_error is None else f"; path ± {r.path_error * r.path_scale:.2g} m"
-        terminal.print_text(
-            f"  by {r.method} ({', '.join(_nondefault_settings_and_options(r))}) in {r.seconds:.2g} s{bar}"
-        )
+        settings = ", ".join(_nondefault_settings_and_options(r))
+        text = f"  by {r.method} ({settings}) in {r.seconds:.2g} s{bar}"
+    terminal.print_text(text)
     for flag in r.flags:
         terminal.print_text(f"  {flag}", style="yellow")
 
@@ -102,23 +100,27 @@ def print_method_and_flags(r: Response) -> None:
 def _nondefault_settings_and_options(r: Response) -> list[str]:
     """Resolution, steps, and all that is not the default of a run."""
     method = find_method(r.method)
-    settings = [
-        f"{key}={value}"
-        for key, value in r.settings.items()
-        if key in (method.resolution.setting, "steps") or value != method.all_settings[key].default
-    ]
-    usual = {"model": "full", "load": "mass", "law": "auto"}
-    return settings + [getattr(r, name) for name, kind in usual.items() if getattr(r, name) != kind]
+    always = (method.resolution.setting, "steps")
+    texts = []
+    for key, value in r.settings.items():
+        if key in always or value != method.all_settings[key].default:
+            texts.append(f"{key}={value}")
+    for name, usual in {"model": "full", "load": "mass", "law": "auto"}.items():
+        value = getattr(r, name)
+        if value != usual:
+            texts.append(value)
+    return texts
 
 
 def print_broken_runs(*runs: Response) -> Literal[0, 2]:
     """Print which runs broke before slack and the end of the comparison; the exit code is 2 if there is one, else 0."""
-    bad = [r for r in runs if _broke_early(r)]
-    terminal.print_faults([f"{r.method} broke with the car at {r.s_o[-1]:.1f} m: {r.reason}" for r in bad])
-    return 2 if bad else 0
+    broken = [r for r in runs if _broke_in_compared_part(r)]
+    terminal.print_faults([f"{r.method} broke with the car at {r.s_o[-1]:.1f} m: {r.reason}" for r in broken])
+    return 2 if broken else 0
 
 
-def _broke_early(r: Response) -> bool:
+def _broke_in_compared_part(r: Response) -> bool:
+    """Whether a run broke before slack and the end of the comparison."""
     if r.status == "complete" or (r.slack_onset is not None and r.cause != "unstable"):
         return False
     return r.drive == "free" or r.reached < WINDOWS[r.drive][1]

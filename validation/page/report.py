@@ -90,7 +90,7 @@ def _with_unique_ids(pages: Iterable[tuple[str, Section]]) -> list[Section]:
 Part = tuple[str, ...]  # a command and its arguments
 
 
-def claim_for_missing_parts(root: Path, parts: Sequence[Part]) -> list[Part]:
+def claim_and_list_missing_parts(root: Path, parts: Sequence[Part]) -> list[Part]:
     """Claim the folder of all results, and return the parts that it lacks.
 
     A folder with the results of one scene lacks nothing.
@@ -120,7 +120,7 @@ def section_of_broken_part(part: Part, faults: Sequence[str]) -> Section:
     return Section(id, title, reason, "disagree", "It ended without a result.")
 
 
-def write_combined_report(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) -> list[Section]:
+def write_and_print_combined_report(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) -> list[Section]:
     """Write the report of all finished results in a folder and its subfolders, these parts first.
 
     The first pages of all scenes of a command come before the rest, what broke before all.

@@ -7,7 +7,7 @@ from validation.page.options import (
     load_line_or_refuse,
     load_scene_or_refuse,
     number_option,
-    run_study,
+    run_and_report_study,
     tolerance_faults,
 )
 
@@ -31,11 +31,11 @@ def command(
 
         if faults := tolerance_faults(tol):
             raise store.Refused(faults)
-        run_study("advise", line, ["advice.json"], out, bodies.advise_on_point_masses, line, tol)
+        run_and_report_study("advise", line, ["advice.json"], out, bodies.advise_on_point_masses, line, tol)
         return 0
     loaded = load_scene_or_refuse(scene, tolerance_faults(tol), needs_mass=True)
 
     from validation.commands.advise.study import advise
 
-    run_study("advise", loaded, ["advice.json"], out, advise, loaded, tol)
+    run_and_report_study("advise", loaded, ["advice.json"], out, advise, loaded, tol)
     return 0

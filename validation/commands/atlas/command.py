@@ -3,7 +3,7 @@ from pathlib import Path
 from typing import Annotated
 
 from validation.core.store import study_folder_name
-from validation.page.options import Quick, out_option, run_study
+from validation.page.options import Quick, out_option, run_and_report_study
 
 EXAMPLE = "cablefem atlas"
 
@@ -16,7 +16,7 @@ def command(quick: Quick = False, out: Annotated[Path | None, out_option("atlas"
     """
     from validation.commands.atlas.study import atlas
 
-    result = run_study(
+    result = run_and_report_study(
         "atlas", study_folder_name("atlas", quick), ["atlas.json", "cells.jsonl"], out, partial(atlas, quick=quick)
     )
     return 0 if result["verdict"] == "agree" else 1

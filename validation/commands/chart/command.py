@@ -3,7 +3,7 @@ from typing import Annotated
 
 import typer
 
-from validation.page.options import Out, SceneName, load_scene_or_refuse, run_study
+from validation.page.options import Out, SceneName, load_scene_or_refuse, run_and_report_study
 
 EXAMPLE = "cablefem chart level"
 
@@ -21,5 +21,5 @@ def command(
 
     from validation.commands.chart.study import chart
 
-    run_study("chart", loaded, ["chart.json"], out, partial(chart, budget=budget), loaded)
+    run_and_report_study("chart", loaded, ["chart.json"], out, partial(chart, budget=budget), loaded)
     return 0

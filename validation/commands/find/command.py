@@ -64,7 +64,7 @@ def _search_and_report(scene: Any, search: Callable[..., Any], writes: list[str]
     from validation.core.readback import find_faults
     from validation.page import report
 
-    with options.writing_results(out, "find", scene, writes) as folder:
+    with options.claim_and_finish_results(out, "find", scene, writes) as folder:
         try:
             with terminal.progress_bars() as progress:
                 result = search(progress=progress)

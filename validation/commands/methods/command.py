@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from validation.page import terminal
-from validation.page.options import writing_results
+from validation.page.options import claim_and_finish_results
 
 EXAMPLE = "cablefem methods"
 
@@ -34,7 +34,7 @@ def command(
         for name, method in methods.items():
             content[name] = {"title": method.title, "use": method.use, "wrong": method.wrong}
             content[name]["settings"] = {key: asdict(setting) for key, setting in method.all_settings.items()}
-        with writing_results(out, "methods", "methods", ["methods.json"]) as folder:
+        with claim_and_finish_results(out, "methods", "methods", ["methods.json"]) as folder:
             write_json(folder / "methods.json", content)
         return 0
     _print_methods(methods)

@@ -1,7 +1,7 @@
 import math
 
 from validation.page import terminal
-from validation.page.options import Out, SceneName, load_scene_or_refuse, run_study
+from validation.page.options import Out, SceneName, load_scene_or_refuse, run_and_report_study
 
 EXAMPLE = "cablefem modes bare"
 
@@ -16,7 +16,7 @@ def command(scene: SceneName, out: Out = None) -> int:
     from validation.commands.modes.study import COUNT, EXACT, modes
     from validation.page import printing
 
-    result = run_study("modes", loaded, ["modes.json"], out, modes, loaded)
+    result = run_and_report_study("modes", loaded, ["modes.json"], out, modes, loaded)
     hertz = result.omega[EXACT] / (2.0 * math.pi * loaded.time_scale)
     rows = []
     for i in range(COUNT):

@@ -3,7 +3,7 @@ from pathlib import Path
 from typing import Annotated
 
 from validation.core.store import study_folder_name
-from validation.page.options import Quick, out_option, run_study
+from validation.page.options import Quick, out_option, run_and_report_study
 
 EXAMPLE = "cablefem oracles"
 
@@ -15,7 +15,7 @@ def command(quick: Quick = False, out: Annotated[Path | None, out_option("oracle
     """
     from validation.commands.oracles.study import write_oracle_table
 
-    result = run_study(
+    result = run_and_report_study(
         "oracles",
         study_folder_name("oracles", quick),
         ["oracles.json", "oracles.jsonl"],

@@ -3,7 +3,7 @@ from pathlib import Path
 from typing import Annotated
 
 from validation.core.store import study_folder_name
-from validation.page.options import Quick, out_option, run_study
+from validation.page.options import Quick, out_option, run_and_report_study
 
 EXAMPLE = "cablefem paper"
 
@@ -16,5 +16,5 @@ def command(quick: Quick = False, out: Annotated[Path | None, out_option("paper"
     from validation.commands.paper.study import paper
 
     writes = ["claims.json", "numbers.jsonl", "runs"]
-    run_study("paper", study_folder_name("paper", quick), writes, out, partial(paper, quick=quick))
+    run_and_report_study("paper", study_folder_name("paper", quick), writes, out, partial(paper, quick=quick))
     return 0

@@ -18,7 +18,7 @@ from validation.commands.paper.judged import render_sentence
 from validation.core import store
 from validation.core.quantities import text_with_bar
 from validation.page.figures import captioned_figure, figure_with_axes, report_style
-from validation.page.page import Section, number_html, render_sections
+from validation.page.page import Section, number_text, render_sections
 from validation.page.plot import BLACK, BLUE, GREY
 
 FIGURES = store.read_packaged_toml(__package__, "figures.toml")
@@ -57,7 +57,7 @@ def _value_text(value: float | None, quantity: Table, bar: float | None = None) 
     ends = quantity["low"], quantity["high"]
     distances = [abs(value / end - 1.0) for end in ends if end and end != value]
     digits = 2 - np.floor(np.log10(min(distances, default=1.0)))
-    return number_html(value, int(np.clip(digits, 3, 8)))
+    return number_text(value, int(np.clip(digits, 3, 8)))
 
 
 def _draw_figure(figure: Table, content: Table, stored_response: Callable[[str], Response]) -> Markup:

@@ -32,7 +32,7 @@ def command(context: typer.Context, quick: Quick = False, out: Annotated[Path | 
     if quick and out is None:
         out = store.ROOT / "report-quick"
     root = out or store.ROOT
-    missing = report.claim_for_missing_parts(root, parts)
+    missing = report.claim_and_list_missing_parts(root, parts)
     broken = []
     with report.commands_write_below(root):
         for i, part in enumerate(missing):
@@ -46,5 +46,5 @@ def command(context: typer.Context, quick: Quick = False, out: Annotated[Path | 
                 terminal.print_faults(faults)
                 broken.append(report.section_of_broken_part(part, faults))
             terminal.print_text()
-    sections = report.write_combined_report(root, parts, broken)
+    sections = report.write_and_print_combined_report(root, parts, broken)
     return int(any(section.verdict == "disagree" for section in sections))

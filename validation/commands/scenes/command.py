@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from validation.page import terminal
-from validation.page.options import load_line_or_refuse, load_scene_or_refuse, writing_results
+from validation.page.options import claim_and_finish_results, load_line_or_refuse, load_scene_or_refuse
 
 if TYPE_CHECKING:
     from cablefem.scene import Scene
@@ -35,7 +35,7 @@ def command(
     if out is None:
         print("".join(texts.values()), end="")
         return 0
-    with writing_results(out, "scenes", "scenes", [f"{key}.toml" for key in texts]) as folder:
+    with claim_and_finish_results(out, "scenes", "scenes", [f"{key}.toml" for key in texts]) as folder:
         for key, text in texts.items():
             write_text(folder / f"{key}.toml", text)
     return 0

@@ -56,7 +56,7 @@ def command(
         return tally, rows
 
     writes = [*engine.WRITES, *(["rows.csv"] if csv else [])]
-    tally, rows = options.run_study("sweep", loaded.name, writes, out, sweep_and_read)
+    tally, rows = options.run_and_report_study("sweep", loaded.name, writes, out, sweep_and_read)
     terminal.print_text(f"{tally.status.total()} scenes in this call, {tally.scenes_per_second:.3g} per second")
     return _print_outcomes(rows)
 

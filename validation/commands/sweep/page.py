@@ -23,7 +23,7 @@ from validation.core import store
 from validation.core.quantities import KNOWN, factor_and_prefixed_unit, quantity_words, unit_of
 from validation.page.answer.many import ENDS
 from validation.page.figures import captioned_figure, figure_with_axes
-from validation.page.page import Section, html_table, number_html, percent_text, render_sections
+from validation.page.page import Section, html_table, number_text, percent_text, render_sections
 from validation.page.plot import COLORS
 
 MAPS = ("tension_max", "speed_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
@@ -182,10 +182,10 @@ def _split_by_axis(rows: DataFrame, axis: str) -> list[tuple[str, DataFrame]]:
     """Scenes by an axis: its values where they are few, else in equal shares."""
     parts = 3  # of a third axis
     if rows[axis].nunique() <= parts:
-        return [(f"{axis} = {number_html(x)}", part) for x, part in rows.groupby(axis)]
+        return [(f"{axis} = {number_text(x)}", part) for x, part in rows.groupby(axis)]
     out = []
     for ends, part in rows.groupby(qcut(rows[axis], parts, duplicates="drop"), observed=True):
-        title = f"{number_html(ends.left)} to {number_html(ends.right)}"
+        title = f"{number_text(ends.left)} to {number_text(ends.right)}"
         out.append((title, part))
     return out
 
