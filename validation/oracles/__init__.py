@@ -9,13 +9,18 @@ from validation.oracles.case import Oracle
 
 
 def find_oracles() -> dict[str, Oracle]:
-    files = {file.name: importlib.import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__)}
-    found = {name.replace("_", "-"): _oracle_of_module(file) for name, file in files.items()}
-    return {name: oracle for name, oracle in found.items() if oracle.group}
+    """All files with a group, by their names with hyphens."""
+    oracles = {}
+    for file in pkgutil.iter_modules(__path__):
+        oracle = _oracle_of_module(importlib.import_module(f"{__name__}.{file.name}"))
+        if oracle.group:
+            oracles[file.name.replace("_", "-")] = oracle
+    return oracles
 
 
 def _oracle_of_module(file: ModuleType) -> Oracle:
     text = file.__doc__ or ""
     headers = dict(re.findall(r"^(Source|Validity|Group): (.+)$", text, re.MULTILINE))
     parts = {name.lower(): content for name, content in headers.items()}
-    return Oracle(title=text.partition("\n")[0].rstrip("."), cases=getattr(file, "cases", tuple), **parts)
+    title = text.partition("\n")[0].rstrip(".")
+    return Oracle(title=title, cases=getattr(file, "cases", tuple), **parts)

@@ -10,6 +10,7 @@ Group: A force on a taut string
 """
 
 import math
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -38,10 +39,12 @@ def heard_emission_intervals(x: ArrayLike, t: ArrayLike, *, V0: float, a: float)
     """Starts and ends (..., 5) of the intervals of s heard at (x, t): |x - xi(s)| < t - s."""
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
     refuse_unless("V0 and a finite, t >= 0", math.isfinite(V0), math.isfinite(a), t >= 0.0)
-    roots = [*_quadratic_roots(-0.5 * a, 1.0 - V0, x - t), *_quadratic_roots(0.5 * a, 1.0 + V0, -x - t)]
+    fronts_behind = _quadratic_roots(-0.5 * a, 1.0 - V0, x - t)
+    fronts_ahead = _quadratic_roots(0.5 * a, 1.0 + V0, -x - t)
     cuts = [np.zeros_like(t), t]
-    for root in roots:
-        cuts.append(np.clip(np.where(np.isfinite(root), root, 0.0), 0.0, t))
+    for root in (*fronts_behind, *fronts_ahead):
+        real = np.where(np.isfinite(root), root, 0.0)
+        cuts.append(np.clip(real, 0.0, t))
     edges = np.sort(np.stack(cuts, axis=-1), axis=-1)  # (..., 6)
     starts = edges[..., :-1]
     ends = edges[..., 1:]
@@ -53,7 +56,8 @@ def heard_emission_intervals(x: ArrayLike, t: ArrayLike, *, V0: float, a: float)
 
 def _quadratic_roots(c2: float, c1: float, c0: Array) -> tuple[Array, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
-        q = -0.5 * (c1 + math.copysign(1.0, c1) * np.sqrt(c1 * c1 - 4.0 * c2 * c0))
+        root = np.sqrt(c1 * c1 - 4.0 * c2 * c0)
+        q = -0.5 * (c1 + math.copysign(1.0, c1) * root)
         return np.divide(q, c2), c0 / q
 
 
@@ -67,21 +71,19 @@ def _displacement_under_force(t: Array) -> Array:
     return displacement(0.5 * A * t * t, t, P=MU * SIGMA, a=A)
 
 
+string = level_string_groups(travel_from_inside_string(BEGINS, 0.0, A))
 slower = partial(
-    Crossing, name="up to 0.89 of the wave speed",
-    groups=level_string_groups(travel_from_inside_string(BEGINS, 0.0, A)), start_position=BEGINS,
+    Crossing, name="up to 0.89 of the wave speed", groups=string, start_position=BEGINS,
     until=BEGINS + 0.8 / (2.0 * A), methods=("fourier", "following-p2"),
 )  # fmt: skip
 faster = partial(slower, name="through the wave speed", until=0.8, methods=("fourier",))
 
 
-def cases() -> list[Crossing]:
+def cases() -> Iterator[Crossing]:
     """Comparisons with the solvers, wrong ones among them."""
     front = "the front left behind at the wave speed has a vertical tangent"
     unstable = "none: faster than its waves, what rides with the load is unstable, the more the finer"
     force: dict[str, Any] = {"exact": _displacement_under_force, "load": "force"}
-    return [
-        slower(**force, because=SUDDEN, max_order=1.0),
-        faster(**force, because=front, max_order=0.7),
-        faster(**force, because=unstable, max_order=1.0, methods=BEST, expected="disagree"),
-    ]
+    yield slower(**force, because=SUDDEN, max_order=1.0)
+    yield faster(**force, because=front, max_order=0.7)
+    yield faster(**force, because=unstable, max_order=1.0, methods=BEST, expected="disagree")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,7 +27,7 @@ class Oracle:
     source: str = ""
     validity: str = ""
     group: str = ""  # heading in tables
-    cases: Callable[[], Sequence[Case]] = tuple
+    cases: Callable[[], Iterable[Case]] = tuple
 
 
 def refuse_unless(domain: str, *conditions: Any) -> None:
@@ -36,12 +36,12 @@ def refuse_unless(domain: str, *conditions: Any) -> None:
         raise ValueError(f"needed: {domain}")
 
 
-def chebyshev_points_and_matrices(degree: int) -> tuple[Array, Array, Array]:
-    """Chebyshev points on [-1, 1], and matrices from values there to coefficients, and to integrals from -1."""
+def chebyshev_points_and_integrals(degree: int) -> tuple[Array, Array]:
+    """Chebyshev points on [-1, 1], and the matrix from values there to integrals from -1 to each of them."""
     x = chebpts2(degree + 1)
-    to_coef: Any = np.linalg.inv(chebvander(x, degree))
-    integral: Any = chebvander(x, degree + 1) @ chebint(to_coef, lbnd=-1.0)
-    return x, to_coef, integral
+    coefficients: Any = np.linalg.inv(chebvander(x, degree))
+    integrals: Any = chebvander(x, degree + 1) @ chebint(coefficients, lbnd=-1.0)
+    return x, integrals
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,16 +126,14 @@ class Crossing(Case):
 
     @property
     def run_arguments(self) -> dict[str, Any]:
-        return {
-            "model": self.model,
-            "load": self.load,
-            "until": self.until,
-            "starts_on_cable": self.start_position > 0.0,
-        }
+        on_cable = self.start_position > 0.0
+        return {"model": self.model, "load": self.load, "until": self.until, "starts_on_cable": on_cable}
 
     def expected_order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         p, because = solvers.theoretical_order(method)
-        return (p if p is None else self.orders.get(method, min(p, self.max_order))), self.because or because
+        if p is not None:
+            p = self.orders.get(method, min(p, self.max_order))
+        return p, self.because or because
 
     def expected_verdict(self, solvers: Solvers, method: str) -> str:
         return "disagree" if solvers.theoretical_order(method)[0] is None else self.expected
@@ -145,8 +143,10 @@ class Crossing(Case):
 
     @property
     def largest_exact_displacement(self) -> float:
-        t = np.linspace(0.0, self.prescribed_motion.phases[-1][1], 2001)
-        return float(np.abs(self.exact(t[self.prescribed_motion.position(t) <= self.until])).max())
+        motion = self.prescribed_motion
+        t = np.linspace(0.0, motion.phases[-1][1], 2001)
+        t = t[motion.position(t) <= self.until]
+        return float(np.abs(self.exact(t)).max())
 
     def relative_errors(self, answer: Path) -> Array:
         return self._relative_displacement_errors(answer, self.exact)
@@ -154,11 +154,14 @@ class Crossing(Case):
     def relative_distance(self, coarse: Path, fine: Path) -> float:
         if fine.t.size < 5 or not (np.isfinite(fine.v).all() and np.isfinite(coarse.v).all()):
             return math.nan
-        return float(np.sqrt(np.mean(self._relative_displacement_errors(coarse, CubicSpline(fine.t, fine.v)) ** 2)))
+        distance = self._relative_displacement_errors(coarse, CubicSpline(fine.t, fine.v))
+        return float(np.sqrt(np.mean(distance**2)))
 
     def _relative_displacement_errors(self, path: Path, exact: Callable[[Array], Array]) -> Array:
-        inside = (path.s_o >= self.position_window[0]) & (path.s_o <= self.position_window[1])
-        return (path.v[inside] - exact(path.t[inside])) / self.largest_exact_displacement
+        low, high = self.position_window
+        inside = (path.s_o >= low) & (path.s_o <= high)
+        error = path.v[inside] - exact(path.t[inside])
+        return error / self.largest_exact_displacement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,14 +228,14 @@ def level_string_groups(motion: Motion, mu: float = MU, sigma: float = SIGMA) ->
 
 
 def scene_in_units_of_cable(
-    gravity: float, EA: float, mass: float, drive: dict[str, Any], travel: Any = None, *,
-    span: float = 1.0, drop: float = 0.0, **hangs_by: float,
+    gravity: float, EA: float, mass: float, drive: Any, travel: Any = None, *,
+    span: float = 1.0, drop: float = 0.0, **length_or_tension: float,
 ) -> Scene:  # fmt: skip
-    """Scene with rho = 1; hangs_by : `length` or another key of [cable], H = 1 without it."""
+    """Scene with rho = 1; length_or_tension : `length` or another key of [cable], H = 1 without it."""
+    hangs_by = length_or_tension or {"horizontal_tension": 1.0}
     supports = Supports(span=span, drop=drop)
-    cable = Cable(mass_per_length=1.0, EA=EA, **(hangs_by or {"horizontal_tension": 1.0}))
-    parts: dict[str, Any] = {"mass": Mass(mass=mass), "travel": travel, "drive": drive}
-    return Scene(gravity=gravity, cable=cable, supports=supports, **parts)
+    cable = Cable(mass_per_length=1.0, EA=EA, **hangs_by)
+    return Scene(gravity=gravity, cable=cable, supports=supports, mass=Mass(mass=mass), travel=travel, drive=drive)
 
 
 def travel_from_inside_string(s_o: float, V: float, a: float) -> Motion:

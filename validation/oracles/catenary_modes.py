@@ -12,11 +12,12 @@ Group: Frequencies of the bare cable
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from validation.oracles.case import BARE, Array, chebyshev_points_and_matrices, refuse_unless
+from validation.oracles.case import BARE, Array, chebyshev_points_and_integrals, refuse_unless
 from validation.oracles.case import Modes as ModesCase
 
 
@@ -33,30 +34,36 @@ def solve_modes(sigma: float, alpha: float, c: float | None = None, *, count: in
     c = 0.5 * sigma if c is None else c
     refuse_unless("sigma > 0, alpha > 0, a finite c", 0.0 < sigma < math.inf, alpha > 0.0, math.isfinite(c))
     refuse_unless("1 <= count <= degree/2", 1 <= count <= degree // 2)
-    points, _, integral = chebyshev_points_and_matrices(degree)
+    points, integrals = chebyshev_points_and_integrals(degree)
     s = 0.5 * (1.0 + points)
-    J = 0.5 * integral
+    J = 0.5 * integrals
     total = J[-1]
     p = c - sigma * s
     T = np.sqrt(1.0 + p * p)
     ex = 1.0 / T
     ey = p / T
     d = 1.0 / alpha - 1.0 / T
-    B = np.array([[1.0 / T + d * ex * ex, d * ex * ey], [d * ex * ey, 1.0 / T + d * ey * ey]])  # A^-1, (2, 2, degree+1)
-    BJ = np.block([[B[i, j][:, None] * J for j in range(2)] for i in range(2)])
+    B_xx = 1.0 / T + d * ex * ex
+    B_xy = d * ex * ey
+    B_yy = 1.0 / T + d * ey * ey
+    B = np.array([[B_xx, B_xy], [B_xy, B_yy]])  # A^-1, (2, 2, degree + 1)
+    BJ = np.block([[B_ij[:, None] * J for B_ij in row] for row in B])
     ends = np.kron(np.eye(2), total)
     n0 = np.linalg.solve(B @ total, ends @ BJ)
-    K = np.kron(np.eye(2), J) @ (np.concatenate([B[0].T, B[1].T]) @ n0 - BJ)
+    strain = np.concatenate([B[0].T, B[1].T]) @ n0 - BJ  # (2 degree + 2, 2 degree + 2)
+    K = np.kron(np.eye(2), J) @ strain
     value, vector = np.linalg.eig(K)
     order = np.argsort(-value.real)[:count]
-    real = np.abs(value[order].imag).max() <= 1e-9 * value[order[0]].real and value[order[-1]].real > 0.0
-    refuse_unless("more points (degree), which resolve the frequencies", real)
+    value = value[order]
+    is_real = np.abs(value.imag).max() <= 1e-9 * value[0].real
+    refuse_unless("more points (degree), which resolve the frequencies", is_real, value[-1].real > 0.0)
     w = vector[:, order].real.T
     peak = np.abs(w).argmax(axis=1)
     w /= w[np.arange(count), peak][:, None]
-    return Modes(1.0 / np.sqrt(value[order].real), s, w[:, : degree + 1], w[:, degree + 1 :])
+    u, v = np.split(w, 2, axis=1)
+    return Modes(1.0 / np.sqrt(value.real), s, u, v)
 
 
-def cases() -> list[ModesCase]:
+def cases() -> Iterator[ModesCase]:
     exact = solve_modes(BARE.sigma, BARE.alpha, BARE.c, count=4).omega
-    return [ModesCase(name="first four, model full", groups=BARE, model="full", exact=exact)]
+    yield ModesCase(name="first four, model full", groups=BARE, model="full", exact=exact)

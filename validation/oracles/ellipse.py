@@ -11,6 +11,7 @@ Group: A car that rolls
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -46,7 +47,9 @@ class Ellipse:
 
     def speed(self, s_o: ArrayLike, start: float) -> Array:
         """v when released at `start`."""
-        return np.sqrt(np.maximum(2.0 * self.g * (self.point(s_o)[1] - self.point(start)[1]), 0.0))
+        _, y = self.point(s_o)
+        _, y_0 = self.point(start)
+        return np.sqrt(np.maximum(2.0 * self.g * (y - y_0), 0.0))
 
     def tension(self, s_o: ArrayLike, start: float) -> Array:
         """N for a unit mass."""
@@ -54,7 +57,8 @@ class Ellipse:
         product = r1 * (1.0 - r1)
         b = self.b
         w = self._eccentric_angle(r1)
-        down = 0.5 * np.sin(w) / np.hypot(b * np.cos(w), 0.5 * np.sin(w))  # of the outward normal
+        half_sin = 0.5 * np.sin(w)
+        down = half_sin / np.hypot(b * np.cos(w), half_sin)  # of the outward normal
         press = self.speed(r1, start) ** 2 * 0.5 * b / product**1.5 + self.g * down
         return press * np.sqrt(product) / (2.0 * b)
 
@@ -67,19 +71,21 @@ class Ellipse:
         """s_o(t); s_o = 1/2 + (D/2) cos(w)."""
         t = np.asarray(t, float)
         b = self.b
+
+        def rates(now: float, q: Array) -> list[float]:
+            """Of angle and angular speed."""
+            w, dw = q
+            c = math.cos(w)
+            s = math.sin(w)
+            inertia = 0.25 * s * s + b * b * c * c
+            force = self.g * b * c - (0.25 - b * b) * s * c * dw**2
+            return [dw, force / inertia]
+
         begin = [float(self._eccentric_angle(np.array(start))), 0.0]
-
-        def motion(now: float, q: Array) -> list[float]:
-            """Rates of angle and angular speed."""
-            c = math.cos(q[0])
-            s = math.sin(q[0])
-            m = 0.25 * s * s + b * b * c * c
-            return [q[1], (self.g * b * c - (0.25 - b * b) * s * c * q[1] ** 2) / m]
-
-        run = solve_ivp(
-            motion, (0.0, float(t.max()) + 1e-9), begin, "DOP853", rtol=1e-12, atol=1e-13, dense_output=True
-        )
-        return 0.5 + 0.5 * self.D * np.cos(run.sol(t.ravel())[0].reshape(t.shape))
+        span = (0.0, float(t.max()) + 1e-9)
+        run = solve_ivp(rates, span, begin, "DOP853", rtol=1e-12, atol=1e-13, dense_output=True)
+        w, _ = run.sol(t.ravel())
+        return 0.5 + 0.5 * self.D * np.cos(w.reshape(t.shape))
 
     def _eccentric_angle(self, s_o: Array) -> Array:
         return np.arccos(np.clip((2.0 * s_o - 1.0) / self.D, -1.0, 1.0))
@@ -105,7 +111,7 @@ def _run_with_damped_scheme(solvers: Solvers, method: str, scene: Scene) -> Any:
 
 
 def _relative_distance_from_ellipse(solvers: Solvers, method: str, stiffness: float) -> Array:
-    """Over l."""
+    """Distance over l at each step of the run."""
     r = _run_with_damped_scheme(solvers, method, free_ride_on_stiff_rope(stiffness))
     x, y = BEAD.point(r.s_o / r.length)
     return np.hypot(r.x / r.length - x, r.y / r.length - y)
@@ -134,7 +140,8 @@ def _moving_means(t: Array, values: Array, durations: Array) -> Array:
     begin = t - 0.5 * durations
     end = t + 0.5 * durations
     within = (begin >= t[0]) & (end <= t[-1])
-    integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (values[1:] + values[:-1]))])
+    steps = 0.5 * np.diff(t) * (values[1:] + values[:-1])
+    integral = np.append(0.0, np.cumsum(steps))
     means = (np.interp(end, t, integral) - np.interp(begin, t, integral)) / durations
     return means[within]
 
@@ -143,32 +150,37 @@ def _relative_swing_period_error(solvers: Solvers, method: str, mu: float) -> fl
     """Relative error of the time between two passages of the middle, in small swings."""
     start = 0.49
     omega = math.sqrt(BEAD.g * BEAD.b) / 0.5
-    r = _run_with_damped_scheme(solvers, method, free_ride_on_stiff_rope(1e5, mu, start, 5.5 * math.pi / omega))
-    times = []
-    for s_o in (r.s_o / r.length, BEAD.position_at_time(r.t, start)):
+    scene = free_ride_on_stiff_rope(1e5, mu, start, t_end=5.5 * math.pi / omega)
+    r = _run_with_damped_scheme(solvers, method, scene)
+
+    def mean_half_period(s_o: Array) -> float:
         passages = CubicSpline(r.t, s_o - 0.5).roots(extrapolate=False)
-        times.append(np.diff(passages).mean())
-    return abs(times[1] / times[0] - 1.0)
+        return float(np.diff(passages).mean())
+
+    exact = mean_half_period(BEAD.position_at_time(r.t, start))
+    return abs(exact / mean_half_period(r.s_o / r.length) - 1.0)
 
 
-def cases() -> list[Limit]:
+def cases() -> Iterator[Limit]:
     """Comparisons with the solvers, wrong ones among them."""
     stretch = "the cable stretches by M g/EA"
     bounces = "the car that is let go bounces, at a speed like sqrt(M g/EA)"
+    rings = "it rings on, whatever EA"
+    weight = "the cable's own weight counts like one over the car's"
     light = "stiff light cable: "
-    four = (1e2, 1e3, 1e4, 1e5)
-    stiff = partial(Limit, refined="stiffness", methods=RIDERS)
-    return [
-        stiff(name=light + "distance from it over l", values=four, order=1.0, because=stretch,
-              deviation=_relative_distance_from_ellipse),
-        stiff(name=light + "speed over the largest", values=four, order=0.5, because=bounces,
-              deviation=_relative_speed_error),
-        stiff(name=light + "tension over the largest, mean over a bounce", values=four[:3], order=1.0, because=stretch,
-              deviation=_relative_tension_error),
-        stiff(name=light + "tension over the largest, at any time", values=four[:3], order=1.0,
-              because="it rings on, whatever EA", deviation=partial(_relative_tension_error, averaged=False),
-              expected="disagree"),
-        Limit(name="small swings on a stiff light cable: frequency", refined="mu", values=(10.0, 100.0, 1000.0),
-              order=1.0, because="the cable's own weight counts like one over the car's",
-              deviation=_relative_swing_period_error, methods=RIDERS),
-    ]  # fmt: skip
+    tension = light + "tension over the largest, "
+    at_any_time = partial(_relative_tension_error, averaged=False)
+    three = (1e2, 1e3, 1e4)
+    four = (*three, 1e5)
+    stiff = partial(Limit, refined="stiffness", methods=RIDERS, order=1.0)
+    path = light + "distance from it over l"
+    yield stiff(name=path, values=four, because=stretch, deviation=_relative_distance_from_ellipse)
+    speed = light + "speed over the largest"
+    yield stiff(name=speed, values=four, order=0.5, because=bounces, deviation=_relative_speed_error)
+    means = tension + "mean over a bounce"
+    yield stiff(name=means, values=three, because=stretch, deviation=_relative_tension_error)
+    any_time = tension + "at any time"
+    yield stiff(name=any_time, values=three, because=rings, deviation=at_any_time, expected="disagree")
+    swings = "small swings on a stiff light cable: frequency"
+    masses = partial(stiff, refined="mu", values=(10.0, 100.0, 1000.0))
+    yield masses(name=swings, because=weight, deviation=_relative_swing_period_error)

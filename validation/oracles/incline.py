@@ -13,6 +13,8 @@ Group: A car that rolls
 """
 
 import math
+from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,8 +30,10 @@ def terminal_speed(*, mass: float, g: float, sin: float, drag_factor: float) -> 
 
 def distance_with_drag(t: ArrayLike, *, mass: float, g: float, sin: float, drag_factor: float) -> Array:
     """s(t) from the release, with drag."""
-    x = np.asarray(t, float) * terminal_speed(mass=mass, g=g, sin=sin, drag_factor=drag_factor) * drag_factor / mass
-    return mass / drag_factor * (x + np.log1p(np.exp(-2.0 * x)) - math.log(2.0))
+    v_t = terminal_speed(mass=mass, g=g, sin=sin, drag_factor=drag_factor)
+    x = np.asarray(t, float) * v_t * drag_factor / mass
+    log_cosh = x + np.log1p(np.exp(-2.0 * x)) - math.log(2.0)
+    return mass / drag_factor * log_cosh
 
 
 def time_and_position_of_stop(
@@ -40,29 +44,25 @@ def time_and_position_of_stop(
     back = brake_force / mass - a
     refuse_unless("the car must roll, the brake must hold it", a > 0.0, back > 0.0)
     v_b = math.sqrt(2.0 * a * brake_position)
-    return v_b / a + v_b / back, brake_position + v_b * v_b / (2.0 * back)
+    t_stop = v_b / a + v_b / back
+    return t_stop, brake_position + v_b * v_b / (2.0 * back)
 
 
 def distance_with_brake(
-    t: ArrayLike,
-    brake_position: float,
-    *,
-    mass: float,
-    g: float,
-    sin: float,
-    rolling_friction: float,
-    brake_force: float,
-) -> Array:
+    t: ArrayLike, brake_position: float, *,
+    mass: float, g: float, sin: float, rolling_friction: float, brake_force: float,
+) -> Array:  # fmt: skip
     """s(t) from the release, with friction and brake."""
     t = np.asarray(t, float)
     t_stop, s_stop = time_and_position_of_stop(
         brake_position, mass=mass, g=g, sin=sin, rolling_friction=rolling_friction, brake_force=brake_force
     )
     a = g * (sin - rolling_friction * math.sqrt(1.0 - sin * sin))
+    t_brake = math.sqrt(2.0 * brake_position / a)
     remaining = np.maximum(t_stop - t, 0.0)
     rolling = 0.5 * a * t**2
     braking = s_stop - 0.5 * (brake_force / mass - a) * remaining**2
-    before_brake = remaining > t_stop - math.sqrt(2.0 * brake_position / a)
+    before_brake = remaining > t_stop - t_brake
     return np.where(before_brake, rolling, braking)
 
 
@@ -79,7 +79,8 @@ def _free_ride_on_straight_rope(sigma: float, **drive: Any) -> Scene:
 def _deviation_with_drag(solvers: Solvers, method: str, sigma: float) -> Array:
     drag_factor = 1.5
     exact: Any = {"mass": MU, "g": sigma, "sin": SIN, "drag_factor": drag_factor}
-    t_end = math.acosh(math.exp(0.7 * drag_factor / MU)) * MU / drag_factor / terminal_speed(**exact)
+    x_end = math.acosh(math.exp(0.7 * drag_factor / MU))  # distance 0.7
+    t_end = x_end * MU / drag_factor / terminal_speed(**exact)
     scene = _free_ride_on_straight_rope(sigma, air_density=1.0, drag_area=2.0 * drag_factor, end={"time": t_end})
     r = solvers.run_scene(scene, method, steps=200, scheme="generalized-alpha")
     return r.s_o - START - distance_with_drag(r.t, **exact)
@@ -87,26 +88,22 @@ def _deviation_with_drag(solvers: Solvers, method: str, sigma: float) -> Array:
 
 def _deviation_with_brake(solvers: Solvers, method: str, sigma: float) -> Array:
     shoe = 0.6
-    rolling_friction = 0.04
+    mu_r = 0.04
     force = 3.0 * MU * sigma * SIN
     brake = [{"from": shoe, "force": force}]
-    scene = _free_ride_on_straight_rope(sigma, rolling_friction=rolling_friction, brake=brake)
+    scene = _free_ride_on_straight_rope(sigma, rolling_friction=mu_r, brake=brake)
     r = solvers.run_scene(scene, method, steps=200, scheme="generalized-alpha")
     t = np.linspace(0.0, r.t[-1], 2001)
-    distance = distance_with_brake(
-        t, shoe - START, mass=MU, g=sigma, sin=SIN, rolling_friction=rolling_friction, brake_force=force
-    )
-    return np.interp(t, r.t, r.s_o) - START - distance
+    s_o = np.interp(t, r.t, r.s_o)
+    exact: Any = {"mass": MU, "g": sigma, "sin": SIN, "rolling_friction": mu_r, "brake_force": force}
+    return s_o - START - distance_with_brake(t, shoe - START, **exact)
 
 
-def cases() -> list[Limit]:
+def cases() -> Iterator[Limit]:
     """Comparisons with the solvers, wrong ones among them."""
-    variants = [
-        ("drag, taut cable: place over l", (0.1, 0.01, 0.001), _deviation_with_drag),
-        ("friction and brake, taut cable: place over l", (0.01, 0.003, 0.0003), _deviation_with_brake),
-    ]
-    return [
-        Limit(name=name, refined="sigma", values=values, order=1.0, because="the cable sags and gives way like sigma",
-              deviation=deviation, methods=RIDERS)
-        for name, values, deviation in variants
-    ]  # fmt: skip
+    because = "the cable sags and gives way like sigma"
+    taut = partial(Limit, refined="sigma", order=1.0, because=because, methods=RIDERS)
+    drag = "drag, taut cable: place over l"
+    yield taut(name=drag, values=(0.1, 0.01, 0.001), deviation=_deviation_with_drag)
+    brake = "friction and brake, taut cable: place over l"
+    yield taut(name=brake, values=(0.01, 0.003, 0.0003), deviation=_deviation_with_brake)

@@ -16,6 +16,7 @@ Accuracy: 5e-9 of the largest y up to xi = 0.95, mu 0.1 to 20, speeds 0.14 to 0.
 Group: A mass on a taut string
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -34,19 +35,21 @@ from validation.oracles.case import (
     Crossing,
     Limit,
     Solvers,
-    chebyshev_points_and_matrices,
+    chebyshev_points_and_integrals,
     level_string_groups,
     refuse_unless,
 )
 
 DEGREE = 10
-POINTS, _TO_COEF, _INTEGRAL = chebyshev_points_and_matrices(DEGREE)
+POINTS, _INTEGRALS = chebyshev_points_and_integrals(DEGREE)
+_TO_COEFFICIENTS: Array = np.linalg.inv(chebvander(POINTS, DEGREE))
 
 
 def _panels_and_interpolation_weights(t: Array, edges: Array) -> tuple[NDArray[np.intp], Array]:
     """Panels of the times t (n,), and weights (n, DEGREE + 1) of the values at their points."""
     k = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, edges.size - 2)
-    return k, chebvander(2.0 * (t - edges[k]) / np.diff(edges)[k] - 1.0, DEGREE) @ _TO_COEF
+    x = 2.0 * (t - edges[k]) / np.diff(edges)[k] - 1.0  # on [-1, 1]
+    return k, chebvander(x, DEGREE) @ _TO_COEFFICIENTS
 
 
 def _emission_times(motion: Motion, sign: float, phase: Array, latest: Array) -> Array:
@@ -96,24 +99,18 @@ class MassHistory:
 
 def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory:
     """Solve (1), (2) up to 0.01 before the far support; ValueError outside the validity."""
-    below = all(abs(speed) < 1.0 for _, speed in motion.speeds_where_extreme)
-    refuse_unless(
-        "mu, sigma > 0, travel on the string below the wave speed",
-        mu > 0.0,
-        sigma > 0.0,
-        below,
-        motion.end_position <= 1.0,
-    )
+    slow = all(abs(speed) < 1.0 for _, speed in motion.speeds_where_extreme)
+    domain = "mu, sigma > 0, travel on the string below the wave speed"
+    refuse_unless(domain, mu > 0.0, sigma > 0.0, slow, motion.end_position <= 1.0)
     reach = 0.01  # distance to the far support at which the answer ends: fronts accumulate there
     end = motion.time_at_position(1.0 - reach) if motion.end_position > 1.0 - reach else motion.end_time
-    marks = _front_arrival_times(motion, end)
     longest = min(0.05, 0.125 * mu)  # panel: the string gives way within mu/2
-    parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / longest)))[:-1] for a, b in pairwise(marks)]
-    edges = np.append(np.concatenate(parts), end)
+    edges = _panel_edges(motion, end, longest)
     half = 0.5 * np.diff(edges)
-    t = (edges[:-1, None] + half[:, None] * (1.0 + POINTS[1:])).ravel()
+    from_edges = half[:, None] * (1.0 + POINTS[1:])
+    t = (edges[:-1, None] + from_edges).ravel()
     n = t.size
-    own = np.arange(t.size) // DEGREE
+    own = np.arange(n) // DEGREE
     xi = motion.position(t)
 
     def sparse(panel: NDArray[np.intp], weights: Array) -> csr_array:
@@ -125,58 +122,71 @@ def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory
 
     def reflected(sign: float, phase: Array) -> csr_array:
         arrived = phase > sign * motion.start_position
-        panel, weights = _panels_and_interpolation_weights(_emission_times(motion, sign, phase, t), edges)
+        sent = _emission_times(motion, sign, phase, t)
+        panel, weights = _panels_and_interpolation_weights(sent, edges)
         return sparse(panel, weights * arrived[:, None])
 
     one = eye_array(n)
-    before = np.tile(np.eye(DEGREE + 1)[0], (n, 1))
-    integral = sparse(own, half[own, None] * np.tile(_INTEGRAL[1:], (half.size, 1)))
+    at_edge = np.zeros((n, DEGREE + 1))
+    at_edge[:, 0] = 1.0
+    before = sparse(own, at_edge)
+    integral = sparse(own, half[own, None] * np.tile(_INTEGRALS[1:], (half.size, 1)))
     near = reflected(1.0, t - xi)
     far = reflected(-1.0, t + xi - 2.0)
     impulse = (2.0 / mu) * integral
-    equations = [
-        [one - sparse(own, before) - impulse, impulse, impulse],
-        [-one, one - near, None],
-        [-one, None, one - far],
-    ]
-    right = np.concatenate([integral @ (sigma * t), np.zeros(2 * n)])
-    values = spsolve(block_array(equations, format="csc"), right).reshape(3, -1, DEGREE)
-    first = np.pad(values[:, :-1, -1:], ((0, 0), (1, 0), (0, 0)))
+    of_y = [one - before - impulse, impulse, impulse]
+    of_F = [-one, one - near, None]
+    of_G = [-one, None, one - far]
+    matrix = block_array([of_y, of_F, of_G], format="csc")
+    right = np.append(integral @ (sigma * t), np.zeros(2 * n))
+    values = spsolve(matrix, right).reshape(3, -1, DEGREE)
+    first = np.zeros((3, half.size, 1))
+    first[:, 1:] = values[:, :-1, -1:]  # the last of the panel before
     return MassHistory(edges, np.concatenate([first, values], axis=2))
 
 
-def cases() -> list[Crossing | Limit]:
+def _panel_edges(motion: Motion, end: float, longest: float) -> Array:
+    """Arrivals of fronts, and times between them, at most `longest` apart."""
+    edges = []
+    for begin, stop in pairwise(_front_arrival_times(motion, end)):
+        count = int(np.ceil((stop - begin) / longest))
+        edges.append(np.linspace(begin, stop, 1 + count)[:-1])
+    return np.append(np.concatenate(edges), end)
+
+
+def cases() -> Iterator[Crossing | Limit]:
     """Comparisons with the solvers, wrong ones among them."""
+    yield _paper_crossing()
+    yield _steady_crossing(0.2, 0.6)
+    yield _steady_crossing(5.0, 0.37)
+    yield _steady_crossing(MU, 0.9)
+    yield _crossing_with_mass("from rest, acceleration 0.23", ConstantAcceleration(acceleration=0.23).motion(1.0))
+    yield _crossing_with_mass("accelerate, cruise, brake", AccelerateCruiseBrake(top_speed=0.55).motion(1.0))
+    for model in ("sagged", "stretching", "full"):
+        yield _small_sag_limit(model)
+    yield _small_sag_limit("stretching", plain_gravity=True)
 
-    def crossing_with_mass(name: str, motion: Motion, mu: float = MU) -> Crossing:
-        """A crossing with any travel against its exact path."""
-        exact = solve_moving_mass(motion, mu=mu, sigma=SIGMA).mass_displacement
-        groups = level_string_groups(motion, mu)
-        finer = 3.0 if mu < 0.5 else 1.0
-        return Crossing(name=name, groups=groups, exact=exact, finer=finer)
 
-    def steady_crossing(mu: float, V: float) -> Crossing:
-        return crossing_with_mass(f"mass ratio {mu:g}, speed {V:g}", ConstantSpeed(speed=V).motion(1.0), mu)
+def _crossing_with_mass(name: str, motion: Motion, mu: float = MU) -> Crossing:
+    """A crossing with any travel against its exact path."""
+    exact = solve_moving_mass(motion, mu=mu, sigma=SIGMA).mass_displacement
+    finer = 3.0 if mu < 0.5 else 1.0
+    return Crossing(name=name, groups=level_string_groups(motion, mu), exact=exact, finer=finer)
 
-    slow = ConstantAcceleration(acceleration=0.23).motion(1.0)
-    brake = AccelerateCruiseBrake(top_speed=0.55).motion(1.0)
-    return [
-        _paper_crossing(), steady_crossing(0.2, 0.6), steady_crossing(5.0, 0.37), steady_crossing(MU, 0.9),
-        crossing_with_mass("from rest, acceleration 0.23", slow),
-        crossing_with_mass("accelerate, cruise, brake", brake),
-        *(_small_sag_limit(model) for model in ("sagged", "stretching", "full")),
-        _small_sag_limit("stretching", plain_gravity=True),
-    ]  # fmt: skip
+
+def _steady_crossing(mu: float, V: float) -> Crossing:
+    return _crossing_with_mass(f"mass ratio {mu:g}, speed {V:g}", ConstantSpeed(speed=V).motion(1.0), mu)
 
 
 def _paper_crossing() -> Crossing:
     groups = Scene.load("level").groups
-    assert groups.motion is not None
-    sigma = groups.sigma * (1.0 + groups.motion.position_with_rates(0.0, 0)[1] ** 2)
-    return Crossing(
-        name="the paper's mass and speed, g (1 + V²)", scene="level", groups=groups,
-        exact=solve_moving_mass(groups.motion, mu=groups.mu, sigma=sigma).mass_displacement, methods=None,
-    )  # fmt: skip
+    motion = groups.motion
+    assert motion is not None
+    _, V, _ = motion.position_with_rates(0.0, 0)
+    sigma = groups.sigma * (1.0 + V**2)
+    exact = solve_moving_mass(motion, mu=groups.mu, sigma=sigma).mass_displacement
+    name = "the paper's mass and speed, g (1 + V²)"
+    return Crossing(name=name, scene="level", groups=groups, exact=exact, methods=None)
 
 
 def _small_sag_limit(model: str, *, plain_gravity: bool = False) -> Limit:
