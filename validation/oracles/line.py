@@ -8,9 +8,10 @@ Accuracy: the digits of the numbers, 1e-9; 1.2 percent of SEILAPLAN's tensions, 
 Group: A line at rest
 """
 
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -45,8 +46,37 @@ ASTER = """
     contact = [{name = "left", kind = "anchor", at = [0, 0]}, {name = "one", kind = "saddle", at = [100, 0]},
         {name = "two", kind = "saddle", at = [200, 0]}, {name = "right", kind = "anchor", at = [210, 0]}]
 """
-# numbers by station and quantity, one table for each position of the cars
-Numbers = Sequence[dict[str, float]]
+# by station and quantity, of the lines above
+NUMBERS = """
+[three]
+"left ahead" = 395166.3080
+"grip s" = 180.0
+"grip y" = 0.737332
+"grip behind" = 395101.3921
+"grip ahead" = 397670.5028
+"first s" = 401.039137
+"first behind" = 400376.5890
+"first ahead" = 400376.5890
+"hauled s" = 620.0
+"hauled y" = -9.579431
+"hauled haul" = -775.88172
+"second s" = 821.100312
+"second ahead" = 399496.2040
+"right behind" = 395974.6087
+[weighed]
+"weight s" = 618.284099
+"left ahead" = 475797.4438
+"grip y" = -38.424243
+"grip behind" = 479179.1553
+"grip ahead" = 490181.3837
+[tramway]  # the empty rope is 1295.985263 m long; -s of the weight is the rope taken in
+"weight s" = -10.817098
+"car y" = -148.607581
+"car ahead" = 396588.7073
+"car haul" = 22261.47088
+"right behind" = 433576.5376
+"""
+Numbers = Sequence[dict[str, float]]  # one table for each position of the cars
 
 
 def _carriage_tension_tables(*tensions: float) -> Numbers:
@@ -70,13 +100,14 @@ class AtRest(Case):
         return solvers.line_at_rest(self.line, method, **rung.settings)
 
     def relative_distance(self, coarse: LineRest, fine: LineRest) -> float:
-        return self.digits + float(np.abs(self.relative_errors(coarse) - self.relative_errors(fine)).max())
+        gaps = self.relative_errors(coarse) - self.relative_errors(fine)
+        return self.digits + float(np.abs(gaps).max())
 
     def relative_errors(self, answer: LineRest) -> np.ndarray:
-        positions: Any = zip(answer.positions, self.numbers, strict=True)
-        return np.array(
-            [_relative_error(state, name, exact) for state, numbers in positions for name, exact in numbers.items()]
-        )
+        errors = []
+        for state, numbers in zip(answer.positions, self.numbers, strict=True):
+            errors += [_relative_error(state, name, exact) for name, exact in numbers.items()]
+        return np.array(errors)
 
 
 def _relative_error(state: LineState, name: str, exact: float) -> float:
@@ -87,43 +118,37 @@ def _relative_error(state: LineState, name: str, exact: float) -> float:
     if quantity in lengths:
         reach = np.ptp(state.points[:, 0])
         return float((lengths[quantity][k] - exact) / reach)
-    forces = {"behind": state.station_tensions[:, 0], "ahead": state.station_tensions[:, 1], "haul": state.haul}
+    behind, ahead = state.station_tensions.T
+    forces = {"behind": behind, "ahead": ahead, "haul": state.haul}
     return float((forces[quantity][k] - exact) / np.nanmax(state.station_tensions))
 
 
-def cases() -> list[Case]:
+def cases() -> Iterator[Case]:
     """Comparisons with the solvers, wrong ones among them."""
-    three, weighed, tramway, aster = (Line.from_toml(text) for text in (THREE, WEIGHED, TRAMWAY, ASTER))
+    numbers = tomllib.loads(NUMBERS)
+    three = Line.from_toml(THREE)
+    in_three = numbers["three"]
+    yield AtRest(name="three spans, a gripping and a hauled car", line=three, numbers=[in_three])
+    weighed = Line.from_toml(WEIGHED)
+    in_weighed = numbers["weighed"]
+    yield AtRest(name="counterweight 150 m up, a gripping car", line=weighed, numbers=[in_weighed])
+    tramway = Line.from_toml(TRAMWAY)
+    in_tramway = numbers["tramway"]
+    yield AtRest(name="tramway of one span, counterweight, a hauled car", line=tramway, numbers=[in_tramway])
+
     skyline = Line.load("skyline")
-    in_three = {
-        "left ahead": 395166.3080, "grip s": 180.0, "grip y": 0.737332, "grip behind": 395101.3921,
-        "grip ahead": 397670.5028, "first s": 401.039137, "first behind": 400376.5890, "first ahead": 400376.5890,
-        "hauled s": 620.0, "hauled y": -9.579431, "hauled haul": -775.88172, "second s": 821.100312,
-        "second ahead": 399496.2040, "right behind": 395974.6087,
-    }  # fmt: skip
-    in_weighed = {
-        "weight s": 618.284099, "left ahead": 475797.4438, "grip y": -38.424243, "grip behind": 479179.1553,
-        "grip ahead": 490181.3837,
-    }  # fmt: skip
-    in_tramway = {  # the empty rope is 1295.985263 m long; -s of the weight is the rope taken in
-        "weight s": -10.817098, "car y": -148.607581, "car ahead": 396588.7073, "car haul": 22261.47088,
-        "right behind": 433576.5376,
-    }  # fmt: skip
+    ours = _carriage_tension_tables(110438.79, 119370.18, 132122.47, 122143.86, 107195.94, 84077.84)
+    yield AtRest(name="skyline, load in each field", line=skyline, digits=1e-7, numbers=ours)
+    theirs = _carriage_tension_tables(109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)
+    yield AtRest(name="skyline, as SEILAPLAN prints it", line=skyline, digits=0.012, numbers=theirs)
+    aster = Line.from_toml(ASTER)
+    sag = {"left middle": 13.930, "one middle": 13.930}
+    yield AtRest(name="rope over two pulleys, as Code_Aster prints it", line=aster, digits=6e-4, numbers=[sag])
+
+    wrong = partial(AtRest, expected="disagree")
+    unequal = in_three | {"first ahead": 404380.0}
+    yield wrong(name="a saddle with tensions 1 percent apart", line=three, numbers=[unequal])
+    falling = in_tramway | {"weight s": 10.817098}
+    yield wrong(name="a counterweight that falls where it must rise", line=tramway, numbers=[falling])
     forgotten = weighed.replace({"contact.weight.tension": 5e5 - 150.0 * 9.0 * 9.81})
-    return [
-        AtRest(name="three spans, a gripping and a hauled car", line=three, numbers=[in_three]),
-        AtRest(name="counterweight 150 m up, a gripping car", line=weighed, numbers=[in_weighed]),
-        AtRest(name="tramway of one span, counterweight, a hauled car", line=tramway, numbers=[in_tramway]),
-        AtRest(name="skyline, load in each field", line=skyline, digits=1e-7,
-               numbers=_carriage_tension_tables(110438.79, 119370.18, 132122.47, 122143.86, 107195.94, 84077.84)),
-        AtRest(name="skyline, as SEILAPLAN prints it", line=skyline, digits=0.012,
-               numbers=_carriage_tension_tables(109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)),
-        AtRest(name="rope over two pulleys, as Code_Aster prints it", line=aster, digits=6e-4,
-               numbers=[{"left middle": 13.930, "one middle": 13.930}]),
-        AtRest(name="a saddle with tensions 1 percent apart", line=three,
-               numbers=[in_three | {"first ahead": 404380.0}], expected="disagree"),
-        AtRest(name="a counterweight that falls where it must rise", line=tramway,
-               numbers=[in_tramway | {"weight s": 10.817098}], expected="disagree"),
-        AtRest(name="weight of the rope forgotten at the pulley", line=forgotten, numbers=[in_weighed],
-               expected="disagree"),
-    ]  # fmt: skip
+    yield wrong(name="weight of the rope forgotten at the pulley", line=forgotten, numbers=[in_weighed])

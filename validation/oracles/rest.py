@@ -11,7 +11,8 @@ Accuracy: 1e-10
 Group: A car that rolls
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -48,58 +49,67 @@ def holding_force_by_car_balance(rest: Rest) -> float:
     return float(mean @ rest.jump[0] * rest.stretch_at_car[0] ** 2 / (mean @ mean))
 
 
-def _laws_of_held_car() -> list[Law]:
+Quantity = Callable[[Solvers, str, Groups, dict[str, Any]], float]  # of one rope, by a solver with its settings
+
+
+def _hold(solvers: Solvers, method: str, groups: Groups, settings: dict[str, Any]) -> float:
+    """Force that holds a car at s_o = 0.1."""
+    return float(solvers.holding_force(groups, method, TENTH, **settings))
+
+
+def _place(solvers: Solvers, method: str, groups: Groups, settings: dict[str, Any]) -> float:
+    """s_o/l of rest."""
+
+    def force(s: float) -> float:
+        return float(solvers.holding_force(groups, method, s, **settings))
+
+    exact = rest_position(groups)
+    return float(brentq(force, exact - 0.06, exact + 0.06, xtol=1e-14))
+
+
+def _deviation_on_ropes(ropes: Sequence[Groups], quantity: Quantity, exact: Array, scale: Any = 1.0) -> Defect:
+    """A defect as `Law` takes it: one number per rope."""
+
+    def defect(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
+        values = np.array([quantity(solvers, method, groups, settings) for groups in ropes])
+        return (values - exact) / scale
+
+    return defect
+
+
+def _laws_of_held_car() -> Iterator[Law]:
     """A held car: force at s_o = 0.1, or place of rest."""
-    lines = [Scene.from_toml(ZIP + "start = 2.0").groups, Scene.load("level").groups, Scene.load("inclined").groups]
-
-    def for_each_line(quantity: Callable[[Groups], Any]) -> Array:
-        return np.array(list(map(quantity, lines)))
-
-    def hold(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
-        return for_each_line(lambda g: solvers.holding_force(g, method, TENTH, **settings))
-
-    def position(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
-        """s_o/l of rest on each line."""
-
-        def found(g: Groups) -> float:
-            at = rest_position(g)
-            return float(
-                brentq(lambda s: solvers.holding_force(g, method, s, **settings), at - 0.06, at + 0.06, xtol=1e-14)
-            )
-
-        return for_each_line(found)
-
-    def deviation(force: bool, exact: Array) -> Defect:
-        answer, scale = (hold, holds) if force else (position, 1.0)
-        return lambda solvers, method, settings: (answer(solvers, method, settings) - exact) / scale
-
-    holds = for_each_line(lambda g: gripped_rest(TENTH, g).hold[0])
-    positions = for_each_line(rest_position)
-    balanced = for_each_line(lambda g: holding_force_by_car_balance(gripped_rest(TENTH, g)))
+    zip_line = Scene.from_toml(ZIP + "start = 2.0")
+    ropes = [scene.groups for scene in (zip_line, Scene.load("level"), Scene.load("inclined"))]
+    rests = [gripped_rest(TENTH, g) for g in ropes]
+    holds = np.array([rest.hold[0] for rest in rests])
+    balanced = np.array([holding_force_by_car_balance(rest) for rest in rests])
+    places = np.array([rest_position(g) for g in ropes])
     # wrong on purpose: on the empty cable's shape
-    weights = for_each_line(lambda g: -g.mu * g.sigma * g.tension_and_slope(TENTH)[2])
-    lowest = for_each_line(lambda g: g.c / g.sigma)
+    slopes = [g.tension_and_shape_derivatives(TENTH)[2] for g in ropes]
+    weights = np.array([-g.mu * g.sigma * slope for g, slope in zip(ropes, slopes, strict=True)])
+    lowest = np.array([g.c / g.sigma for g in ropes])
 
     statics = "statics alone"
     gives = "the cable gives way under the car"
-    empty = " on the empty cable's shape"
-    variants = [
-        (RIDERS[:1], True, holds, 3.0, statics, ""), (RIDERS, True, weights, 1.0, gives, empty),
-        (RIDERS[1:], True, balanced, 1.9, statics + ", by the car's balance", ""),
-        (RIDERS, False, positions, 2.4, statics, ""), (RIDERS, False, lowest, 1.0, gives, empty),
-    ]  # fmt: skip
-    return [
-        Law(
-            name=("force that holds a car at 0.1 l, over itself" if force else "place of rest over l") + where,
-            methods=methods, defect=deviation(force, exact), order=falls, because=because,
-            expected="disagree" if where else "agree",
-        )
-        for methods, force, exact, falls, because, where in variants
-    ]  # fmt: skip
+    by_balance = statics + ", by the car's balance"
+    force = "force that holds a car at 0.1 l, over itself"
+    force_off = partial(_deviation_on_ropes, ropes, _hold, scale=holds)
+    elements, sines = RIDERS
+    on_empty_rope = partial(Law, methods=RIDERS, order=1.0, because=gives, expected="disagree")
+    wrong = " on the empty cable's shape"
+    yield Law(name=force, methods=(elements,), defect=force_off(holds), order=3.0, because=statics)
+    yield on_empty_rope(name=force + wrong, defect=force_off(weights))
+    yield Law(name=force, methods=(sines,), defect=force_off(balanced), order=1.9, because=by_balance)
+    place = "place of rest over l"
+    place_off = partial(_deviation_on_ropes, ropes, _place)
+    yield Law(name=place, methods=RIDERS, defect=place_off(places), order=2.4, because=statics)
+    yield on_empty_rope(name=place + wrong, defect=place_off(lowest))
 
 
-def cases() -> list[Law]:
+def cases() -> Iterator[Law]:
     """Comparisons with the solvers, wrong ones among them."""
+    yield from _laws_of_held_car()
     start = 30.0
     scene = Scene.from_toml(ZIP + f"start = {start}\nrelease = 5.0\nend = {{time = 0.02}}")
     exact = gripped_rest(start / scene.length, scene.groups)
@@ -109,15 +119,15 @@ def cases() -> list[Law]:
     N = np.array([exact.behind[0], exact.ahead[0]]) * H
     sag = y - float(scene.catenary.y(start))
 
-    def defect(r: Any) -> float:
-        off = np.abs(np.array([r.T_behind[0], r.T_ahead[0]]) - N).max() / H
+    def start_defect(r: Any) -> float:
+        tensions = np.array([r.T_behind[0], r.T_ahead[0]])
+        off = np.abs(tensions - N).max() / H
         return max(np.hypot(r.x[0] - x, r.y[0] - y) / sag, off)
 
+    statics = partial(Law, order=1.9, because="statics alone", methods=RIDERS)
+    held = "held car: place over deflection, tension over H"
+    yield statics(name=held, defect=defect_of_ride(scene, start_defect))
     at = rest_position(scene.groups)
     still = Scene.from_toml(ZIP + f"start = {at * l!r}\nend = {{time = 6.0}}\nrest_speed = 1e-12")
-    laws = {
-        "held car: place over deflection, tension over H": defect_of_ride(scene, defect),
-        "car at its place of rest stays: way over l": defect_of_ride(still, lambda r: r.s_o / l - at),
-    }
-    alone: dict[str, Any] = {"order": 1.9, "because": "statics alone", "methods": RIDERS}
-    return _laws_of_held_car() + [Law(name=name, defect=law, **alone) for name, law in laws.items()]
+    stays = "car at its place of rest stays: way over l"
+    yield statics(name=stays, defect=defect_of_ride(still, lambda r: r.s_o / l - at))
