@@ -19,6 +19,7 @@ Group: A mass on a taut string
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
@@ -42,7 +43,7 @@ from validation.oracles.case import (
 
 DEGREE = 10
 POINTS, _INTEGRALS = chebyshev_points_and_integrals(DEGREE)
-_TO_COEFFICIENTS: Array = np.linalg.inv(chebvander(POINTS, DEGREE))
+_TO_COEFFICIENTS: Any = np.linalg.inv(chebvander(POINTS, DEGREE))
 
 
 def _panels_and_interpolation_weights(t: Array, edges: Array) -> tuple[NDArray[np.intp], Array]:

@@ -86,7 +86,7 @@ def _laws_of_held_car() -> Iterator[Law]:
     balanced = np.array([holding_force_by_car_balance(rest) for rest in rests])
     places = np.array([rest_position(g) for g in ropes])
     # wrong on purpose: on the empty cable's shape
-    slopes = [g.tension_and_shape_derivatives(TENTH)[2] for g in ropes]
+    slopes = [g.tension_and_slope(TENTH)[2] for g in ropes]
     weights = np.array([-g.mu * g.sigma * slope for g, slope in zip(ropes, slopes, strict=True)])
     lowest = np.array([g.c / g.sigma for g in ropes])
 

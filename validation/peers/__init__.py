@@ -19,15 +19,13 @@ class Peer:
     rides: tuple[Mapping[str, int], ...] = ()  # of free rides, if it has them
 
 
+_trusses = tuple({"elements": n} for n in (50, 100, 200, 500, 1000, 2000))
+_beams = tuple({"elements": n, "steps": 20 * n} for n in (25, 50, 100, 200))
+_rides = tuple({"elements": n, "steps": 100 * n} for n in (10, 20, 40, 80))
 PEERS = {
-    "opensees": Peer(
-        "openseespy.opensees", opensees.run_opensees, tuple({"elements": n} for n in (50, 100, 200, 500, 1000, 2000))
-    ),
-    "exudyn": Peer(
-        "exudyn", exudyn.run_exudyn, tuple({"elements": n, "steps": 20 * n} for n in (25, 50, 100, 200)),
-        tuple({"elements": n, "steps": 100 * n} for n in (10, 20, 40, 80)),
-    ),
-}  # fmt: skip
+    "opensees": Peer("openseespy.opensees", opensees.run_opensees, _trusses),
+    "exudyn": Peer("exudyn", exudyn.run_exudyn, _beams, _rides),
+}
 
 
 def import_failure_reason(name: str) -> str | None:

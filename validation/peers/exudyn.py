@@ -35,35 +35,29 @@ def run_exudyn(groups: Groups, *, elements: int, steps: int) -> PeerPath:
     system = exudyn.SystemContainer().AddSystem()
     s = np.linspace(0.0, 1.0, elements + 1)
     _, xp, yp = groups.tension_and_slope(0.0)
-    speed = motion.position_with_rates(0.0, 0)[1]
-    place_on_cable = system.AddNode(
-        items.NodeGenericODE2(
-            numberOfODE2Coordinates=1, referenceCoordinates=[0.0], initialCoordinates=[0.0],
-            initialCoordinates_t=[speed],
-        )
-    )  # fmt: skip
-    fixed, _, on_cable = _add_cable_with_markers(
-        system, groups, s, items.ALECable2D, (place_on_cable,), movingMassFactor=0.0
-    )
+    _, speed, _ = motion.position_with_rates(0.0, 0)
+    zero = {"referenceCoordinates": [0.0], "initialCoordinates": [0.0]}
+    s_o = system.AddNode(items.NodeGenericODE2(numberOfODE2Coordinates=1, initialCoordinates_t=[speed], **zero))
+    fixed, _, on_cable = _add_cable_with_markers(system, groups, s, items.ALECable2D, (s_o,), movingMassFactor=0.0)
     velocity = [speed * float(xp), -speed * float(yp)]
     particle, at_mass = _add_particle_with_weight(system, groups, initialVelocities=velocity)
     which_element = system.AddNode(items.NodeGenericData(initialCoordinates=[0], numberOfDataCoordinates=1))
-    system.AddObject(
-        items.ALEMovingJoint2D(
-            markerNumbers=[at_mass, on_cable[0]], slidingMarkerNumbers=on_cable, slidingMarkerOffsets=s[:-1].tolist(),
-            nodeNumbers=[which_element, place_on_cable],
-        )
-    )  # fmt: skip
-    driven = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=place_on_cable, coordinate=0))
-    system.AddObject(items.CoordinateConstraint(markerNumbers=[fixed, driven], **_travel_constraint_arguments(motion)))
-    sensor = system.AddSensor(
-        items.SensorNode(nodeNumber=particle, storeInternal=True, outputVariableType=exudyn.OutputVariableType.Position)
-    )
+    cable: dict[str, Any] = {"slidingMarkerNumbers": on_cable, "slidingMarkerOffsets": s[:-1].tolist()}
+    markers = [at_mass, on_cable[0]]
+    system.AddObject(items.ALEMovingJoint2D(markerNumbers=markers, nodeNumbers=[which_element, s_o], **cable))
+    driven = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=s_o, coordinate=0))
+    travel = _travel_constraint_arguments(motion)
+    system.AddObject(items.CoordinateConstraint(markerNumbers=[fixed, driven], **travel))
+    position = exudyn.OutputVariableType.Position
+    sensor = system.AddSensor(items.SensorNode(nodeNumber=particle, storeInternal=True, outputVariableType=position))
 
     t_end = motion.end_time
-    on_support = motion.end_position >= 1.0  # omit the last instant, on the support
-    settings = _solver_settings(t_end * (1.0 - 1.0 / steps) if on_support else t_end, steps - on_support)
-    settings.solution.sensors.writePeriod = 1e-3 * t_end / steps
+    write_period = 1e-3 * t_end / steps
+    if motion.end_position >= 1.0:  # omit the last instant, on the support
+        t_end *= 1.0 - 1.0 / steps
+        steps -= 1
+    settings = _solver_settings(t_end, steps)
+    settings.solution.sensors.writePeriod = write_period
     note, seconds = _solve_with_wall_time(system.SolveDynamic, system, settings)
     t, x, y, _ = np.array(system.GetSensorStoredData(sensor)).T
     return path_until_nan(motion.position(t), np.stack([x, -y], axis=1), t, groups, seconds, note)
@@ -82,22 +76,10 @@ def _run_free_ride(groups: Groups, elements: int, steps: int) -> PeerPath:
     first = int(np.searchsorted(s, d.start, side="right")) - 1
     weight = groups.mu * groups.sigma
     dt = d.nominal / steps
+    rest, begin = _rest_under_held_car(groups, s, first)
 
     system = exudyn.SystemContainer().AddSystem()
-    _, bodies, _ = _add_cable_with_markers(system, groups, s, items.Cable2D)
-    local = [d.start - s[first], 0.0, 0.0]
-    held = system.AddMarker(items.MarkerBodyPosition(bodyNumber=bodies[first], localPosition=local))
-    system.AddLoad(items.Force(markerNumber=held, loadVector=[0.0, -weight, 0.0]))
-    settings = _solver_settings(1.0, 1)
-    settings.staticSolver.numberOfLoadSteps = 20
-    note, _ = _solve_with_wall_time(system.SolveStatic, system, settings)
-    if note:
-        raise ValueError(f"no start: {note}")
-    rest = np.array(system.systemData.GetODE2Coordinates()).reshape(-1, 4)
-    begin = system.GetObjectOutputBody(bodies[first], output.Position, localPosition=local)
-
-    system = exudyn.SystemContainer().AddSystem()
-    _, bodies, on_cable = _add_cable_with_markers(system, groups, s, items.Cable2D, rest=rest)
+    _, _, on_cable = _add_cable_with_markers(system, groups, s, items.Cable2D, rest=rest)
 
     def drag_and_weight(system: Any, t: float, load: Any) -> list[float]:
         wind = np.array(system.GetNodeOutput(particle, output.Velocity)[:2]) - (d.wind, 0.0)
@@ -106,12 +88,9 @@ def _run_free_ride(groups: Groups, elements: int, steps: int) -> PeerPath:
 
     particle, at_mass = _add_particle_with_weight(system, groups, drag_and_weight, initialCoordinates=list(begin[:2]))
     where = system.AddNode(items.NodeGenericData(initialCoordinates=[first, d.start], numberOfDataCoordinates=2))
-    joint = system.AddObject(
-        items.SlidingJoint2D(
-            markerNumbers=[at_mass, on_cable[first]], slidingMarkerNumbers=on_cable,
-            slidingMarkerOffsets=s[:-1].tolist(), nodeNumber=where,
-        )
-    )  # fmt: skip
+    cable: dict[str, Any] = {"slidingMarkerNumbers": on_cable, "slidingMarkerOffsets": s[:-1].tolist()}
+    markers = [at_mass, on_cable[first]]
+    joint = system.AddObject(items.SlidingJoint2D(markerNumbers=markers, nodeNumber=where, **cable))
     rows: list[tuple[float, ...]] = []
     along = 0.0  # friction and brake
 
@@ -124,10 +103,11 @@ def _run_free_ride(groups: Groups, elements: int, steps: int) -> PeerPath:
         rows.append((t, s_o, x, -y))
         force = system.GetObjectOutput(joint, output.Force)
         normal = math.sqrt(max(0.0, force[0] ** 2 + force[1] ** 2 - along**2)) or weight
-        # a brake met within the step counts in part
-        braked = sum(
-            f * min(1.0, max(0.0, (s_o + abs(distance) - at) / max(abs(distance), 1e-12))) for at, f in d.brakes
-        )
+        step = abs(distance)
+        braked = 0.0
+        for at, brake_force in d.brakes:  # a brake met within the step counts in part
+            share = (s_o + step - at) / max(step, 1e-12)
+            braked += brake_force * min(1.0, max(0.0, share))
         along = -math.copysign(d.mu_r * normal + braked, distance)
         system.SetObjectParameter(joint, "axialForce", along)
         system.systemData.SetDataCoordinates([which, s_o + distance])
@@ -135,9 +115,31 @@ def _run_free_ride(groups: Groups, elements: int, steps: int) -> PeerPath:
 
     system.SetPreStepUserFunction(move_joint)
     t_end = min(d.end_time, 2.0 * d.nominal)
-    note, seconds = _solve_with_wall_time(system.SolveDynamic, system, _solver_settings(t_end, math.ceil(t_end / dt)))
+    settings = _solver_settings(t_end, math.ceil(t_end / dt))
+    note, seconds = _solve_with_wall_time(system.SolveDynamic, system, settings)
     t, s_o, x, y = np.array(rows).T
     return path_until_nan(s_o, np.stack([x, y], axis=1), t, groups, seconds, note)
+
+
+def _rest_under_held_car(groups: Groups, s: Array, first: int) -> tuple[Array, Any]:
+    """Displacements (n, 4) of the cable that holds the car at its start, on element `first`; and the car's point."""
+    import exudyn
+    from exudyn import itemInterface as items
+
+    start = groups.drive.start
+    system = exudyn.SystemContainer().AddSystem()
+    _, bodies, _ = _add_cable_with_markers(system, groups, s, items.Cable2D)
+    body = bodies[first]
+    local = [start - s[first], 0.0, 0.0]
+    held = system.AddMarker(items.MarkerBodyPosition(bodyNumber=body, localPosition=local))
+    system.AddLoad(items.Force(markerNumber=held, loadVector=[0.0, -groups.mu * groups.sigma, 0.0]))
+    settings = _solver_settings(1.0, 1)
+    settings.staticSolver.numberOfLoadSteps = 20
+    note, _ = _solve_with_wall_time(system.SolveStatic, system, settings)
+    if note:
+        raise ValueError(f"no start: {note}")
+    rest = np.array(system.systemData.GetODE2Coordinates()).reshape(-1, 4)
+    return rest, system.GetObjectOutputBody(body, exudyn.OutputVariableType.Position, localPosition=local)
 
 
 def _add_cable_with_markers(
@@ -156,25 +158,23 @@ def _add_cable_with_markers(
     ground = system.AddNode(items.NodePointGround())
     fixed = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=ground, coordinate=0))
     rest = np.zeros((s.size, 4)) if rest is None else rest
-    ends = [
-        system.AddNode(
-            items.NodePoint2DSlope1(referenceCoordinates=[x[k], -y[k], xp[k], -yp[k]], initialCoordinates=list(rest[k]))
-        )
-        for k in range(s.size)
-    ]
+    ends = []
+    for k in range(s.size):
+        shape = [x[k], -y[k], xp[k], -yp[k]]
+        node = items.NodePoint2DSlope1(referenceCoordinates=shape, initialCoordinates=list(rest[k]))
+        ends.append(system.AddNode(node))
+    more |= {"massPerLength": 1.0, "bendingStiffness": 0.0, "axialStiffness": groups.alpha}
     bodies = []
     on_cable = []
     for k in range(s.size - 1):
-        body = system.AddObject(
-            element(
-                length=float(s[k + 1] - s[k]), massPerLength=1.0, bendingStiffness=0.0, axialStiffness=groups.alpha,
-                referenceAxialStrain=-middle[k] / groups.alpha, nodeNumbers=[ends[k], ends[k + 1], *nodes], **more,
-            )
-        )  # fmt: skip
+        length = float(s[k + 1] - s[k])
+        strain = -middle[k] / groups.alpha
+        numbers = [ends[k], ends[k + 1], *nodes]
+        body = system.AddObject(element(length=length, referenceAxialStrain=strain, nodeNumbers=numbers, **more))
         bodies.append(body)
         on_cable.append(system.AddMarker(items.MarkerBodyCable2DCoordinates(bodyNumber=body)))
-        whole = system.AddMarker(items.MarkerBodyMass(bodyNumber=body))
-        system.AddLoad(items.Gravity(markerNumber=whole, loadVector=[0.0, -groups.sigma, 0.0]))
+        inertia = system.AddMarker(items.MarkerBodyMass(bodyNumber=body))
+        system.AddLoad(items.Gravity(markerNumber=inertia, loadVector=[0.0, -groups.sigma, 0.0]))
     for node in (ends[0], ends[-1]):
         for coordinate in (0, 1):
             held = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
@@ -182,14 +182,17 @@ def _add_cable_with_markers(
     return fixed, bodies, on_cable
 
 
-def _add_particle_with_weight(system: Any, groups: Groups, load: Any = 0, **begin: list[float]) -> tuple[Any, Any]:
+def _add_particle_with_weight(
+    system: Any, groups: Groups, force_function: Any = 0, **start: list[float]
+) -> tuple[Any, Any]:
+    """Node and marker of the mass; force_function : of the system, t and the load, in place of the weight."""
     from exudyn import itemInterface as items
 
-    particle = system.AddNode(items.NodePoint2D(referenceCoordinates=[0.0, 0.0], **begin))
+    particle = system.AddNode(items.NodePoint2D(referenceCoordinates=[0.0, 0.0], **start))
     mass = system.AddObject(items.MassPoint2D(mass=groups.mu, nodeNumber=particle))
     at_mass = system.AddMarker(items.MarkerBodyPosition(bodyNumber=mass))
     weight = [0.0, -groups.mu * groups.sigma, 0.0]
-    system.AddLoad(items.Force(markerNumber=at_mass, loadVector=weight, loadVectorUserFunction=load))
+    system.AddLoad(items.Force(markerNumber=at_mass, loadVector=weight, loadVectorUserFunction=force_function))
     return particle, at_mass
 
 

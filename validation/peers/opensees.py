@@ -32,17 +32,12 @@ def run_opensees(groups: Groups, *, elements: int) -> PeerPath:
     t = np.linspace(0.0, motion.end_time, elements + 1)
     s = motion.position(t)
     last = elements if motion.end_position < 1.0 else elements - 1  # omit the support itself
-    beyond = (
-        max(1, math.ceil((1.0 - motion.end_position) * elements / motion.end_position))
-        if motion.end_position < 1.0
-        else 0
-    )
-    s_nodes = np.concatenate([s, np.linspace(motion.end_position, 1.0, beyond + 1)[1:]])
-    _build_cable_model(ops, groups, s_nodes)
+    beyond = max(1, math.ceil((1.0 - motion.end_position) * elements / motion.end_position)) if motion.end_position < 1.0 else 0
+    ahead = np.linspace(motion.end_position, 1.0, beyond + 1)[1:]
+    passed = np.stack(groups.coordinates(s[: last + 1]), axis=1)
+    _build_cable_model(ops, groups, np.append(s, ahead))
     try:
-        positions, seconds = _run_travel_with_wall_time(
-            ops, groups, t[: last + 1], np.stack(groups.coordinates(s[: last + 1]), axis=1)
-        )
+        positions, seconds = _run_travel_with_wall_time(ops, groups, t[: last + 1], passed)
     finally:
         ops.wipe()
     n = positions.shape[0]
@@ -83,7 +78,7 @@ def _build_cable_model(ops: Any, groups: Groups, s: Array) -> None:
 
 
 def _run_travel_with_wall_time(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
-    """Run the travel: positions of the mass (n, 2), y down, and the seconds it took."""
+    """Run the travel over the nodes (n, 2) at times t: positions of the mass (n, 2), y down, and the seconds."""
     assert groups.motion is not None
     mass = groups.mu
     weight = np.array([0.0, -groups.mu * groups.sigma])
@@ -105,7 +100,9 @@ def _run_travel_with_wall_time(ops: Any, groups: Groups, t: Array, nodes: Array)
             ops.mass(k - 1, 0.0, 0.0)
             ops.remove("loadPattern", 1)
         ops.mass(k, mass, mass)
-        u, du, ddu = (np.array(read(k)) for read in (ops.nodeDisp, ops.nodeVel, ops.nodeAccel))
+        u = np.array(ops.nodeDisp(k))
+        du = np.array(ops.nodeVel(k))
+        ddu = np.array(ops.nodeAccel(k))
         u_star = u + dt * du + (0.5 - NEWMARK_BETA) * dt * dt * ddu
         p_star = p + dt * dp + (0.5 - NEWMARK_BETA) * dt * dt * ddp
         load = weight - inertia * (X[k] - p_star + u_star)
