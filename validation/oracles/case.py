@@ -144,7 +144,7 @@ class Crossing(Case):
     @property
     def largest_exact_displacement(self) -> float:
         motion = self.prescribed_motion
-        t = np.linspace(0.0, motion.phases[-1][1], 2001)
+        t = np.linspace(0.0, motion.end_time, 2001)
         t = t[motion.position(t) <= self.until]
         return float(np.abs(self.exact(t)).max())
 

@@ -106,6 +106,7 @@ class AtRest(Case):
     def relative_errors(self, answer: LineRest) -> np.ndarray:
         errors = []
         for state, numbers in zip(answer.positions, self.numbers, strict=True):
+            assert isinstance(state, LineState)  # each of these lines has a rest
             errors += [_relative_error(state, name, exact) for name, exact in numbers.items()]
         return np.array(errors)
 

@@ -31,9 +31,13 @@ def run_opensees(groups: Groups, *, elements: int) -> PeerPath:
 
     t = np.linspace(0.0, motion.end_time, elements + 1)
     s = motion.position(t)
-    last = elements if motion.end_position < 1.0 else elements - 1  # omit the support itself
-    beyond = max(1, math.ceil((1.0 - motion.end_position) * elements / motion.end_position)) if motion.end_position < 1.0 else 0
-    ahead = np.linspace(motion.end_position, 1.0, beyond + 1)[1:]
+    end = motion.end_position
+    last = elements - 1  # omit the support itself
+    beyond = 0
+    if end < 1.0:
+        last = elements
+        beyond = max(1, math.ceil((1.0 - end) * elements / end))
+    ahead = np.linspace(end, 1.0, beyond + 1)[1:]
     passed = np.stack(groups.coordinates(s[: last + 1]), axis=1)
     _build_cable_model(ops, groups, np.append(s, ahead))
     try:
