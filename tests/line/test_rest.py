@@ -30,7 +30,7 @@ def single_state(given, solve) -> LineState:
     return state
 
 
-@pytest.mark.parametrize("case", oracle.cases(), ids=lambda case: case.name)
+@pytest.mark.parametrize("case", list(oracle.cases()), ids=lambda case: case.name)
 @pytest.mark.parametrize("name", oracle.METHODS)
 def test_numbers_known_beforehand(case, name):
     row = Task("line", case, name).compute_row()

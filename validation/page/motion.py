@@ -139,19 +139,15 @@ def _moving_side_view(folder: Path, contacts: Series, paths: dict[str, Series]) 
     enlarged = any("body" in body for body in bodies)
     bodies += [_packed_contact(c, at_frames) for c in line.contact if c.kind != "spring"]
 
-    moving: Row = {name: side_view.pack_array_as_uint16(values) for name, values in rope_frames.items()}
-    moving["t"] = side_view.pack_array_as_uint16(t)
+    moving = packed_series(rope_frames | {"t": t})
     moving["touching"] = bodies
-    moving["weights"] = [side_view.pack_array_as_uint16(at_frames[f"{c.name}.rise"]) for c in _counterweights(line)]
+    rises = [at_frames[f"{c.name}.rise"] for c in line.contact if c.kind == "counterweight"]
+    moving["weights"] = [side_view.pack_array_as_uint16(rise) for rise in rises]
     origin = [0.0] * s.size
     data: Row = {"line": True, "enlarged": enlarged, "s": six_digits(s), "x": origin, "y": origin}
     data |= _still_parts_of_side_view(line, read_csv_columns(folder / "profile.csv"), paths)
     data |= {"cables": [moving], "party": None}
     return side_view.side_view_player(data, range_T, " and ".join(paths))
-
-
-def _counterweights(line: Line) -> list[Contact]:
-    return [c for c in line.contact if c.kind == "counterweight"]
 
 
 def _still_parts_of_side_view(line: Line, profile: Series, paths: dict[str, Series]) -> Row:
