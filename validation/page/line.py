@@ -14,8 +14,8 @@ from validation.core import store
 from validation.core.limits import limit_scope_sentences
 from validation.core.quantities import factor_and_prefixed_unit, limit_row_texts
 from validation.page import plot, printing, terminal
-from validation.page.answer.many import LIMITS, Column, Columns, Row, StoredGrid, grid_table
-from validation.page.page import Section, limits_of, read_asset, render_sections, worst_verdict
+from validation.page.answer.many import LIMITS, Column, Columns, StoredGrid, grid_table
+from validation.page.page import Content, Row, Section, limits_of, read_asset, render_sections, worst_verdict
 from validation.page.plot import Panel, Series
 from validation.page.scene_keys import scene_inputs_html
 
@@ -113,7 +113,12 @@ def rest_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | N
     with (folder / "positions.csv").open(encoding="utf-8", newline="") as file:
         positions = list(csv.DictReader(file))
 
-    content: Row = {"id": folder.name, "verdict": verdict, "outcome": summary["outcome"], "refused": summary["refused"]}
+    content: Content = {
+        "id": folder.name,
+        "verdict": verdict,
+        "outcome": summary["outcome"],
+        "refused": summary["refused"],
+    }
     content["alarm"] = "disagree" if summary["outcome_kind"] in ("breaks", "collides") else None
     content["limits"] = stored_limits_table(folder, summary)
     content["side"] = _side_view_figure(line, ropes, positions)

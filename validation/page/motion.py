@@ -15,14 +15,14 @@ from validation.core.quantities import quantity_text
 from validation.core.scene_data import read_csv_columns
 from validation.page import line as at_rest
 from validation.page import side_view
-from validation.page.answer.many import Columns, Row
+from validation.page.answer.many import Columns
 from validation.page.line import stored_limits_table, table_columns_with_outcome
-from validation.page.page import Section, read_asset, render_sections
+from validation.page.page import Content, Row, Section, read_asset, render_sections
 from validation.page.plot import COLORS, Series
 from validation.page.scene_keys import scene_inputs_html
 from validation.page.side_view import ForceUnit, packed_series, six_digits
 
-WORDS: dict[str, Any] = tomllib.loads(read_asset("motion.toml"))
+WORDS: Row = tomllib.loads(read_asset("motion.toml"))
 ROWS: dict[str, str] = WORDS.pop("rows")
 OVER_TIME: dict[str, Row] = WORDS.pop("over")  # figures by title
 GRIPS = " A car that grips rings with the rope: grip and contact force of it are means of such means."
@@ -101,7 +101,7 @@ def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str |
     compared = _named_comparisons(check_rows)
     laws = [row for row in compared if row["quantity"] in ("laws_si", "energy")]
 
-    content: Row = {"id": folder.name, "verdict": verdict, "outcome": summary["outcome"]}
+    content: Content = {"id": folder.name, "verdict": verdict, "outcome": summary["outcome"]}
     content["alarm"] = "disagree" if summary["outcome_kind"] in ("breaks", "collides", "incomplete") else None
     content["limits"] = stored_limits_table(folder, summary)
     content["side"] = _moving_side_view(folder, contacts, paths)
@@ -144,18 +144,18 @@ def _moving_side_view(folder: Path, contacts: Series, paths: dict[str, Series]) 
     rises = [at_frames[f"{c.name}.rise"] for c in line.contact if c.kind == "counterweight"]
     moving["weights"] = [side_view.pack_array_as_uint16(rise) for rise in rises]
     origin = [0.0] * s.size
-    data: Row = {"line": True, "enlarged": enlarged, "s": six_digits(s), "x": origin, "y": origin}
+    data: Content = {"line": True, "enlarged": enlarged, "s": six_digits(s), "x": origin, "y": origin}
     data |= _still_parts_of_side_view(line, read_csv_columns(folder / "profile.csv"), paths)
     data |= {"cables": [moving], "party": None}
     return side_view.side_view_player(data, range_T, " and ".join(paths))
 
 
-def _still_parts_of_side_view(line: Line, profile: Series, paths: dict[str, Series]) -> Row:
+def _still_parts_of_side_view(line: Line, profile: Series, paths: dict[str, Series]) -> Content:
     """The parts that do not move: rope at rest, envelope, contacts, paths of the cars, obstacles, ground."""
     right = line.contact[-1]
     span, drop = right.at
     rest = [six_digits(profile[name]) for name in ("x", "y_rest")]
-    parts: Row = {"span": span, "drop": drop, "rest": rest, "static": []}
+    parts: Content = {"span": span, "drop": drop, "rest": rest, "static": []}
     parts["envelope"] = side_view.rope_envelope(profile)
     parts["contacts"] = []
     parts["weights"] = []
@@ -195,7 +195,7 @@ def _rope_frames_filled_beyond_pulleys(line: Line, rope: Series, at_frames: Seri
     return frames
 
 
-def _packed_cars(line: Line, frames: dict[str, Series], unit: ForceUnit) -> list[Row]:
+def _packed_cars(line: Line, frames: dict[str, Series], unit: ForceUnit) -> list[Content]:
     """All cars for the side view, one colour each; frames : columns of their paths at the frames, by name."""
     colors = COLORS[1:] * len(line.car)
     cars = []
@@ -204,7 +204,7 @@ def _packed_cars(line: Line, frames: dict[str, Series], unit: ForceUnit) -> list
     return cars
 
 
-def _packed_contact(contact: Contact, at_frames: Series) -> Row:
+def _packed_contact(contact: Contact, at_frames: Series) -> Content:
     """The rope at a contact, for the side view; at_frames : columns of all contacts."""
     T = at_frames[f"{contact.name}.tension"]
     x, y = contact.at

@@ -21,11 +21,13 @@ from markupsafe import Markup
 from cablefem.response import write_text
 from validation.core.quantities import design_row_texts, factor_and_prefixed_unit, text_with_bar, verification_row_texts
 
+Row = dict[str, Any]  # of a table, by the keys of its columns
+Content = dict[str, Any]  # of a template or a script, by the names that it uses
 # worst first, with signs for readers who see no colour
 VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
 
 
-def worst_verdict(rows: Iterable[Mapping[str, Any]]) -> str | None:
+def worst_verdict(rows: Iterable[Row]) -> str | None:
     """The worst verdict of rows that have one; None: none has."""
     verdicts = {row.get("verdict") for row in rows}
     return next((verdict for verdict in VERDICTS if verdict in verdicts), None)
@@ -55,7 +57,7 @@ def write_page(title: str, sections: Sequence[Section], out_file: Path) -> None:
     others = [s for s in sections if not s.verdict]
     scripts = dict.fromkeys(name for s in sections for name in s.scripts)
 
-    content: dict[str, Any] = {"title": title, "sections": sections, "judged": judged}
+    content: Content = {"title": title, "sections": sections, "judged": judged}
     content["contents"] = _sections_by_command(sections if len(judged) < 2 else others)
     content["css"] = Markup(read_asset("page.css"))
     content["scripts"] = [Markup(read_asset(name)) for name in ("page.js", *scripts)]
@@ -97,7 +99,7 @@ def text_without_tags(markup: str) -> str:
 
 
 def html_table(
-    rows: Iterable[Mapping[str, Any]], columns: Sequence[str], *, caption: str = "", worst_first: bool = False,
+    rows: Iterable[Row], columns: Sequence[str], *, caption: str = "", worst_first: bool = False,
     stack: bool = False,
 ) -> Markup:  # fmt: skip
     """A table of rows by `columns`: keys, with units in brackets.
@@ -113,10 +115,10 @@ def html_table(
     return _PARTS.table(rows, columns, numeric, caption, stack)
 
 
-def html_table_by_heading(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, Any], **options: Any) -> Markup:
+def html_table_by_heading(rows: Iterable[Row], columns: Mapping[str, Any], **options: Any) -> Markup:
     """A table by heading: an expression of a row's entries, or a macro of the row; `options` as in `html_table`."""
 
-    def cells(row: Mapping[str, Any]) -> dict[str, Any]:
+    def cells(row: Row) -> Row:
         out = {}
         for head, content in columns.items():
             out[head] = content(row) if callable(content) else compile_template_expression(content)(**row)

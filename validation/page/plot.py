@@ -12,7 +12,7 @@ from markupsafe import Markup
 from PIL import Image
 
 from cablefem.response import Array
-from validation.page.page import figure_of, render_template, superscript_text, text_without_tags
+from validation.page.page import Content, figure_of, render_template, superscript_text, text_without_tags
 
 # user units, pixels on a desktop
 WIDTH = 480
@@ -106,7 +106,7 @@ class Panel:
         below_top = fraction if self.down else 1.0 - fraction
         return self.height * np.clip(below_top, -9.0, 9.0).reshape(np.shape(y))
 
-    def _colour_scale_input(self) -> dict[str, Any] | None:
+    def _colour_scale_input(self) -> Content | None:
         if self.scale is None:
             return None
         low, high, unit = self.scale
@@ -115,14 +115,14 @@ class Panel:
         colours = np.linspace(1.0, 0.0, 64)[:, None]
         return {"image": _coloured_png_base64(colours), "unit": unit, "ticks": ticks}
 
-    def template_input(self, x_to_paper: Callable[[Any], Array], width: float) -> dict[str, Any]:
+    def template_input(self, x_to_paper: Callable[[Any], Array], width: float) -> Content:
         """The template's input in user units; x_to_paper : from x to user units; width : of the panel."""
         height = self._height_on_paper
 
         def point(x: float, y: float) -> tuple[float, float]:
             return _round_to_tenth(x_to_paper(x)), _round_to_tenth(height(y))
 
-        drawn: dict[str, Any] = {"h": self.height, "w": width, "title": self.title, "unit": self.unit}
+        drawn: Content = {"h": self.height, "w": width, "title": self.title, "unit": self.unit}
         ticks = _log_ticks(self.low, self.high) if self.log else _ticks(self.low, self.high, self.height / 28)
         drawn["ticks"] = [(_round_to_tenth(height(y)), words) for y, words in ticks]
         drawn["scale"] = self._colour_scale_input()
@@ -179,7 +179,7 @@ def svg_figure(
         top += 20.0 if panel.title or panel.scale else 0.0
         shown.append(panel.template_input(to_paper, width) | {"top": top, "last": panel is panels[-1]})
         top += panel.height + 14.0
-    content: dict[str, Any] = {"panels": shown, "xlabel": xlabel, "label": text_without_tags(caption)}
+    content: Content = {"panels": shown, "xlabel": xlabel, "label": text_without_tags(caption)}
     content |= {"width": WIDTH, "height": top - 14.0 + BELOW, "left": LEFT, "right": right}
     content["key"] = {curve.name: curve for panel in panels for curve in panel.curves if curve.name}
     content["xticks"] = [(_round_to_tenth(to_paper(value)), words) for value, words in _ticks(begin, end, 7)]

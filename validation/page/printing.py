@@ -1,7 +1,7 @@
 """Answers and verdicts in a few lines, for several commands."""
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Literal
 
 from cablefem.response import Response
 from cablefem.scene import Scene
@@ -14,6 +14,7 @@ from validation.core.methods import find_method
 from validation.core.quantities import design_row_texts, key_numbers, limit_row_texts, text_with_bar
 from validation.page import terminal
 from validation.page.answer import EVENTS
+from validation.page.page import Row
 
 
 def print_agreements(agreements: Sequence[Agreement]) -> None:
@@ -54,7 +55,7 @@ def print_run_summary(scene: Scene, r: Response) -> None:
         terminal.print_text(f"  slack somewhere from car at {at} m on; from there on {after}")
 
 
-def print_limits(scene: Scene | Line, judged: Sequence[dict[str, Any]]) -> None:
+def print_limits(scene: Scene | Line, judged: Sequence[Row]) -> None:
     """Print verdicts on limits, and what their texts are for."""
     if judged:
         cells = [limit_row_texts(row) for row in judged]
@@ -63,7 +64,7 @@ def print_limits(scene: Scene | Line, judged: Sequence[dict[str, Any]]) -> None:
         terminal.print_text(f"  {sentence}")
 
 
-def print_design_numbers(design: Sequence[dict[str, Any]]) -> None:
+def print_design_numbers(design: Sequence[Row]) -> None:
     """Print design numbers, one per row."""
     texts = [design_row_texts(x) for x in design]
     width = max((len(x["what"]) for x in texts), default=0)
@@ -73,7 +74,7 @@ def print_design_numbers(design: Sequence[dict[str, Any]]) -> None:
         terminal.print_text(f"  {x['what']:<{width}}  {x['value']}{at}{when}")
 
 
-def print_last_five_events(events: Sequence[dict[str, Any]]) -> None:
+def print_last_five_events(events: Sequence[Row]) -> None:
     """Print the last five events, one per row."""
     for x in events[-5:]:
         t = text_with_bar(x["t"], x.get("bar_t"))

@@ -12,7 +12,7 @@ from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from cablefem.scene.line import Line
 from validation.core.answers import profile_columns
-from validation.page.page import render_template
+from validation.page.page import Content, render_template
 from validation.page.plot import BLUE, VERMILLION, Series, colour_map_bytes
 
 STATIONS = 101  # of the moving rope, at most, without the mass
@@ -43,7 +43,7 @@ def side_view_of_runs(
     x = six_digits(X.x(s))
     y = six_digits(X.y(s))
     unit = force_unit(range_T[1])
-    data: dict[str, Any] = {"span": scene.supports.span, "drop": scene.supports.drop}
+    data: Content = {"span": scene.supports.span, "drop": scene.supports.drop}
     data |= {"s": six_digits(s), "x": x, "y": y, "rest": [x, y], "static": six_digits(X.tension(s))}
     data |= _still_parts_of_side_view(scene, r)
     data["weights"] = []
@@ -59,7 +59,7 @@ def force_unit(largest: float) -> ForceUnit:
     return ForceUnit(1e3, "kN") if largest >= 2e3 else ForceUnit(1.0, "N")
 
 
-def side_view_player(data: dict[str, Any], range_T: tuple[float, float], moving_names: str) -> Markup:
+def side_view_player(data: Content, range_T: tuple[float, float], moving_names: str) -> Markup:
     """The side view of data in the form that side_view.js reads."""
     unit = force_unit(range_T[1])
     data = data | {"T": list(range_T), "unit": unit.newtons, "unitName": unit.name}
@@ -73,14 +73,14 @@ def _station_stride(r: Response) -> int:
     return max(1, -(-(r.fields.s.size - 1) // (STATIONS - 1)))
 
 
-def _still_parts_of_side_view(scene: Scene, r: Response) -> dict[str, Any]:
+def _still_parts_of_side_view(scene: Scene, r: Response) -> Content:
     """The parts that do not move: envelope, path of the car, brake, obstacles, ground, speeds at five positions."""
     X = scene.catenary
 
-    def point(s: float) -> dict[str, Any]:
+    def point(s: float) -> Content:
         return {"x": float(X.x(s)), "y": float(X.y(s))}
 
-    parts: dict[str, Any] = {"envelope": rope_envelope(profile_columns(r))}
+    parts: Content = {"envelope": rope_envelope(profile_columns(r))}
     parts["contacts"] = [point(s) | {"kind": "anchor"} for s in (0.0, scene.length)]
     parts["paths"] = [sparse_car_path(r.x, r.y, _car_depth_below_rope(scene))]
     parts["speeds"] = _speeds_at_five_positions(r)
@@ -93,7 +93,7 @@ def rope_envelope(profile: Series) -> list[list[float]]:
     return [six_digits(profile[name]) for name in ("x", "y_highest", "y_lowest")]
 
 
-def _speeds_at_five_positions(r: Response) -> list[dict[str, Any]]:
+def _speeds_at_five_positions(r: Response) -> list[Content]:
     """Points of the path and the speeds there, when the car first arrives."""
     farthest = np.maximum.accumulate(r.s_o)
     ahead = np.flatnonzero(np.diff(farthest, prepend=-1.0) > 0.0)  # first arrivals
@@ -107,18 +107,18 @@ def _speeds_at_five_positions(r: Response) -> list[dict[str, Any]]:
     return speeds
 
 
-def obstacles_and_ground(scene: Scene | Line) -> dict[str, Any]:
+def obstacles_and_ground(scene: Scene | Line) -> Content:
     obstacles = [{"name": o.name, "x": o.at, "top": o.top} for o in scene.obstacle]
     return {"obstacles": obstacles, "ground": [list(point) for point in scene.ground]}
 
 
-def sparse_car_path(x: Array, y: Array, below: float) -> dict[str, Any]:
+def sparse_car_path(x: Array, y: Array, below: float) -> Content:
     """At most 300 points of the path of a car whose lowest part is `below` [m] the rope."""
     at = at_most_300_indices(x.size)
     return {"x": six_digits(x[at]), "y": six_digits(y[at]), "below": below}
 
 
-def _sparse_third_party_path(scene: Scene, third_party: Any) -> dict[str, Any]:
+def _sparse_third_party_path(scene: Scene, third_party: Any) -> Content:
     at = at_most_300_indices(third_party.t.size)
     x = third_party.x
     if x is None:
@@ -126,7 +126,7 @@ def _sparse_third_party_path(scene: Scene, third_party: Any) -> dict[str, Any]:
     return {"name": third_party.method, "x": six_digits(x[at]), "y": six_digits(third_party.y[at])}
 
 
-def _packed_rope_frames(scene: Scene, r: Response, color: str, unit: ForceUnit) -> dict[str, Any]:
+def _packed_rope_frames(scene: Scene, r: Response, color: str, unit: ForceUnit) -> Content:
     """Rope and car of one run over time."""
     X = scene.catenary
     frames = _frames_from_start(scene, r)
@@ -141,7 +141,7 @@ def _packed_rope_frames(scene: Scene, r: Response, color: str, unit: ForceUnit) 
     car["T_ahead"] = np.where(np.isnan(ahead), behind, ahead)
     for name in ("speed", "F_contact", "F_haul"):
         car[name] = np.interp(t, r.t, getattr(r, name))
-    rope: dict[str, Any] = packed_series({name: frames[name] for name in ("u", "v", "T", "t")})
+    rope: Content = packed_series({name: frames[name] for name in ("u", "v", "T", "t")})
     rope["touching"] = [packed_car(car, unit, name=r.method, color=color, below=_car_depth_below_rope(scene))]
     rope["slack"] = None if r.slack_onset is None else r.slack_onset * r.length
     return rope
@@ -168,7 +168,7 @@ def _car_depth_below_rope(scene: Scene) -> float:
     return 0.0 if scene.mass is None else scene.mass.below
 
 
-def packed_car(car: Series, unit: ForceUnit, **look: Any) -> dict[str, Any]:
+def packed_car(car: Series, unit: ForceUnit, **look: Any) -> Content:
     """A car for the side view.
 
     car : columns of its path.csv at the frames; look : its name, color and `below`.
@@ -182,7 +182,7 @@ def packed_car(car: Series, unit: ForceUnit, **look: Any) -> dict[str, Any]:
     return packed_series(series) | {"readout": _packed_readout(car, unit)} | look
 
 
-def _packed_readout(car: Series, unit: ForceUnit) -> list[dict[str, Any]]:
+def _packed_readout(car: Series, unit: ForceUnit) -> list[Content]:
     """The numbers that the side view shows of a car, where they are known at all times."""
     numbers = {"deflection [m]": car["v"]}
     numbers[f"tension behind [{unit.name}]"] = car["T_behind"] / unit.newtons
@@ -198,11 +198,11 @@ def _packed_readout(car: Series, unit: ForceUnit) -> list[dict[str, Any]]:
     return readout
 
 
-def packed_series(series: Series) -> dict[str, Any]:
+def packed_series(series: Series) -> Content:
     return {name: pack_array_as_uint16(values) for name, values in series.items()}
 
 
-def pack_array_as_uint16(x: Array) -> dict[str, Any]:
+def pack_array_as_uint16(x: Array) -> Content:
     """An array as 16-bit integers between its extremes, in base64."""
     low = float(x.min())
     high = float(x.max())

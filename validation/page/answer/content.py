@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -17,12 +16,12 @@ from validation.core.quantities import key_numbers, limit_row_texts
 from validation.core.scene_data import SceneData
 from validation.page.answer import figures as draw
 from validation.page.answer.stored import StoredAnswer
-from validation.page.page import limits_of, versions_footer
+from validation.page.page import Content, Row, limits_of, versions_footer
 from validation.page.scene_keys import scene_keys_table
 from validation.page.side_view import side_view_of_runs
 
 
-def answer_page_content(answer: StoredAnswer) -> dict[str, Any]:
+def answer_page_content(answer: StoredAnswer) -> Content:
     """What assets/answer.html shows of a run or of a check of two."""
     scene = answer.scene
     design = answer.design
@@ -30,7 +29,7 @@ def answer_page_content(answer: StoredAnswer) -> dict[str, Any]:
     outcome = outcome_of_run(scene, replace(r, design=design))
     limit_texts = [limit_row_texts(row) for row in limit_rows(scene, design, answer.all_events)]
 
-    content: dict[str, Any] = {"x": answer, "verdict": answer.verdict, "methods": METHODS}
+    content: Content = {"x": answer, "verdict": answer.verdict, "methods": METHODS}
     content["outcome"] = outcome.sentence
     content["crosswind"] = crosswind_scope_text(scene, r.model)
     content["means"] = averaging_time_sentence(r)
@@ -57,12 +56,12 @@ def _side_view(answer: StoredAnswer) -> Markup | str:
     return side_view_of_runs(answer.scene, moving, range_T=range_T, third_party=answer.third_party)
 
 
-def _cost_row(r: Response) -> dict[str, Any]:
+def _cost_row(r: Response) -> Row:
     counts = {name: int(count) for name, count in r.work.items()}
     return {"method": r.method, "n_dof": r.n_dof, "seconds": r.seconds, "reached": r.s_o[-1]} | counts
 
 
-def mean_forces_at_peak_loads(r: Response, design: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def mean_forces_at_peak_loads(r: Response, design: Sequence[Row]) -> list[Row]:
     """What each support carries when that is largest: components of one instant, means over an axial round trip."""
     half = 0.5 * SceneData(r.scene_toml, r.length).round_trip
     peaks = {d["quantity"]: d["t"] for d in design}

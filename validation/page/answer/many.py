@@ -18,7 +18,7 @@ from validation.core.quantities import factor_and_prefixed_unit, quantity_words
 from validation.core.sidebyside import map_in_parallel
 from validation.page import plot, report, terminal
 from validation.page.options import GridPoint
-from validation.page.page import Section, details, gallery, html_table, versions_footer
+from validation.page.page import Row, Section, details, gallery, html_table, versions_footer
 from validation.page.plot import Panel
 from validation.page.scene_keys import scene_keys_table
 from validation.page.side_view import at_most_300_indices, six_digits
@@ -26,7 +26,6 @@ from validation.page.side_view import at_most_300_indices, six_digits
 DASHES = ("", plot.DASHED, plot.DOTTED, "8 3 2 3")  # one for each value of the keys after the first
 POSITIONS = ("rests_at_m", "farthest_m")
 LIMITS = ("limits_met", "limits_worst")
-Row = dict[str, Any]
 HEADS = {
     "outcome": "outcome",
     "brake_or_arrival_km_h": "at the brake or end [km/h]",
@@ -114,7 +113,7 @@ def answer_table_row(scene: Scene, r: Response, verdict: str | None = None) -> R
     return out
 
 
-def _worst_table_numbers(design: Sequence[dict[str, Any]]) -> Row:
+def _worst_table_numbers(design: Sequence[Row]) -> Row:
     """The table's design numbers; of several obstacles the worst."""
     out: Row = {}
     for kind in NUMBERS:

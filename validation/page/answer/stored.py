@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from cablefem.scene import Scene
 from validation.core import store
 from validation.core.foreign import ForeignPath
 from validation.page.answer import EVENTS
+from validation.page.page import Row
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,11 +19,11 @@ class StoredAnswer:
 
     scene: Scene
     runs: tuple[Response, ...]
-    agreement: dict[str, Any] = field(default_factory=dict)  # agreement.json; empty for a single run
+    agreement: Row = field(default_factory=dict)  # agreement.json; empty for a single run
     third_party: ForeignPath | None = None  # a third party
 
     @property
-    def comparison_rows(self) -> list[dict[str, Any]]:
+    def comparison_rows(self) -> list[Row]:
         return list(self.agreement.get("rows", []))
 
     @property
@@ -31,16 +31,16 @@ class StoredAnswer:
         return self.agreement.get("verdict")
 
     @property
-    def design(self) -> list[dict[str, Any]]:
+    def design(self) -> list[Row]:
         return list(self.agreement.get("design") or self.runs[0].design)
 
     @property
-    def main_events(self) -> list[dict[str, Any]]:
+    def main_events(self) -> list[Row]:
         """Events of the first solver's run, without rattling before a stop."""
         return [event for event in self.all_events if event["event"] in EVENTS]
 
     @property
-    def all_events(self) -> list[dict[str, Any]]:
+    def all_events(self) -> list[Row]:
         return list(self.agreement.get("events") or self.runs[0].events)
 
     @property
