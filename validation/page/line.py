@@ -152,12 +152,9 @@ def _side_view_without_cars(line: Row, profile: Series, lowest: Sequence[Array])
     lowest_of_rope = profile["y_lowest"]
     ground = np.array(line.get("ground", [])).reshape(-1, 2)
     obstacles = [(o["name"], o["at"], o["top"]) for o in line.get("obstacle", [])]
-    tops = np.array([top for _, _, top in obstacles])
-    p = Panel("depth [m]", down=True)
-    p.fit_y_axis([highest_of_rope, lowest_of_rope, ground[:, 1], tops, *lowest], pad=0.14)
     end = float(x[-1])
-    caption = plot.set_depth_scale_with_caption(p, 1.12 * end)
-    plot.draw_ground_and_obstacles(p, ground, obstacles)
+    depths = [highest_of_rope, lowest_of_rope, *lowest]
+    p, caption = plot.side_view_panel(depths, 1.12 * end, ground, obstacles, pad=0.14)
     p.bands.append((x, highest_of_rope, lowest_of_rope, "#0072b233"))
     p.add_curve(x, profile["y_rest"], plot.GREY, plot.DOTTED, 1.4, "empty rope")
     for contact in line["contact"]:

@@ -139,26 +139,27 @@ class Panel:
         return drawn
 
 
-def set_depth_scale_with_caption(panel: Panel, width: float) -> str:
-    """Set the height of a side view of `width` metres, and return its caption.
+def side_view_panel(
+    depths: Sequence[Array], width: float, ground: Array, obstacles: Sequence[tuple[str, float, float]], pad: float
+) -> tuple[Panel, str]:
+    """A panel of a side view with ground and obstacles, and its caption: to scale, or enlarged by an integer.
 
-    Depths are to scale, or enlarged by an integer.
+    depths : [m] to show;  width : of the view [m];  ground : (n, 2) of x and depth;  obstacles : name, x, depth of the
+    top;  pad : margin, of the range of depths.
     """
+    panel = Panel("depth [m]", down=True)
+    tops = np.array([top for _, _, top in obstacles])
+    panel.fit_y_axis([*depths, ground[:, 1], tops], pad)
     height = (panel.high - panel.low) * (WIDTH - LEFT - RIGHT) / width
     times = max(1, round(80.0 / height))
     panel.height = times * height
     scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
-    return f"The line from the side. {scale}"
-
-
-def draw_ground_and_obstacles(panel: Panel, ground: Array, obstacles: Sequence[tuple[str, float, float]]) -> None:
-    """Draw ground (n, 2) of x and depth, and obstacles (name, x, depth of the top), in a side view."""
     if len(ground):
-        x, depth = ground.T
-        panel.add_curve(x, depth, "#8a7a55", name="ground")
+        panel.add_curve(ground[:, 0], ground[:, 1], "#8a7a55", name="ground")
     for name, x, top in obstacles:
         from_top_down = np.array([top, panel.high])
         panel.add_curve(np.array([x, x]), from_top_down, "#6b8e5a", "", 5.0, name)
+    return panel, f"The line from the side. {scale}"
 
 
 def svg_figure(

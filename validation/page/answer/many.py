@@ -267,12 +267,9 @@ def _side_view_figure(scene: Scene, grid: StoredGrid) -> Markup:
     y = scene.catenary.y(s)
     ground = np.array(scene.ground).reshape(-1, 2)
     obstacles = [(o.name, o.at, o.top) for o in scene.obstacle]
-    tops = np.array([o.top for o in scene.obstacle])
     lowest_of_cars = [np.array(path["y"]) + below for path in grid.paths if path]
-    p = Panel("depth [m]", "path of the car", down=True)
-    p.fit_y_axis([y, ground[:, 1], tops, *lowest_of_cars], pad=0.05)
-    caption = plot.set_depth_scale_with_caption(p, span)
-    plot.draw_ground_and_obstacles(p, ground, obstacles)
+    p, caption = plot.side_view_panel([y, *lowest_of_cars], span, ground, obstacles, pad=0.05)
+    p.title = "path of the car"
     p.add_curve(x, y, plot.GREY, plot.DOTTED, 1.2, "empty rope at rest")
     _add_path_curves(p, grid, "x", "y")
     return plot.svg_figure([p], (0.0, span), "x [m]", caption)
