@@ -49,20 +49,16 @@ def holding_force_by_car_balance(rest: Rest) -> float:
     return float(mean @ rest.jump[0] * rest.stretch_at_car[0] ** 2 / (mean @ mean))
 
 
-Quantity = Callable[[Solvers, str, Groups, dict[str, Any]], float]  # of one rope, by a solver with its settings
+Quantity = Callable[[Callable[[float], float], Groups], float]  # of a solver's holding force over s_o, on a rope
 
 
-def _hold(solvers: Solvers, method: str, groups: Groups, settings: dict[str, Any]) -> float:
+def _hold(force: Callable[[float], float], groups: Groups) -> float:
     """Force that holds a car at s_o = 0.1."""
-    return float(solvers.holding_force(groups, method, TENTH, **settings))
+    return force(TENTH)
 
 
-def _place(solvers: Solvers, method: str, groups: Groups, settings: dict[str, Any]) -> float:
+def _place(force: Callable[[float], float], groups: Groups) -> float:
     """s_o/l of rest."""
-
-    def force(s: float) -> float:
-        return float(solvers.holding_force(groups, method, s, **settings))
-
     exact = rest_position(groups)
     return float(brentq(force, exact - 0.06, exact + 0.06, xtol=1e-14))
 
@@ -71,8 +67,11 @@ def _deviation_on_ropes(ropes: Sequence[Groups], quantity: Quantity, exact: Arra
     """A defect as `Law` takes it: one number per rope."""
 
     def defect(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
-        values = np.array([quantity(solvers, method, groups, settings) for groups in ropes])
-        return (values - exact) / scale
+        values = []
+        for groups in ropes:
+            force = partial(solvers.holding_force, groups, method, **settings)
+            values.append(quantity(force, groups))
+        return (np.array(values) - exact) / scale
 
     return defect
 
@@ -86,13 +85,11 @@ def _laws_of_held_car() -> Iterator[Law]:
     balanced = np.array([holding_force_by_car_balance(rest) for rest in rests])
     places = np.array([rest_position(g) for g in ropes])
     # wrong on purpose: on the empty cable's shape
-    slopes = [g.tension_and_slope(TENTH)[2] for g in ropes]
-    weights = np.array([-g.mu * g.sigma * slope for g, slope in zip(ropes, slopes, strict=True)])
+    weights = np.array([-g.mu * g.sigma * g.tension_and_slope(TENTH)[2] for g in ropes])
     lowest = np.array([g.c / g.sigma for g in ropes])
 
     statics = "statics alone"
     gives = "the cable gives way under the car"
-    by_balance = statics + ", by the car's balance"
     force = "force that holds a car at 0.1 l, over itself"
     force_off = partial(_deviation_on_ropes, ropes, _hold, scale=holds)
     elements, sines = RIDERS
@@ -100,7 +97,9 @@ def _laws_of_held_car() -> Iterator[Law]:
     wrong = " on the empty cable's shape"
     yield Law(name=force, methods=(elements,), defect=force_off(holds), order=3.0, because=statics)
     yield on_empty_rope(name=force + wrong, defect=force_off(weights))
-    yield Law(name=force, methods=(sines,), defect=force_off(balanced), order=1.9, because=by_balance)
+    yield Law(
+        name=force, methods=(sines,), defect=force_off(balanced), order=1.9, because=statics + ", by the car's balance"
+    )
     place = "place of rest over l"
     place_off = partial(_deviation_on_ropes, ropes, _place)
     yield Law(name=place, methods=RIDERS, defect=place_off(places), order=2.4, because=statics)

@@ -17,7 +17,7 @@ from validation.page import plot, printing, terminal
 from validation.page.answer.many import LIMITS, Column, Columns, StoredGrid, grid_table
 from validation.page.page import Content, Row, Section, limits_of, read_asset, render_sections, worst_verdict
 from validation.page.plot import Panel, Series
-from validation.page.scene_keys import scene_inputs_html
+from validation.page.scene_keys import line_inputs_html
 
 _TEXT = tomllib.loads(read_asset("line.toml"))
 WORDS: dict[str, dict[str, str]] = _TEXT["quantity"]
@@ -128,7 +128,7 @@ def rest_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | N
         content["over"] = list(_figures_over_position(line["car"][0]["name"], positions))
     content["compared"] = [x for x in check_rows if x["quantity"] not in RECHECKED]
     content["rechecked"] = [x for x in check_rows if x["quantity"] in RECHECKED]
-    content["as_read"] = scene_inputs_html(toml, Line)
+    content["as_read"] = line_inputs_html(toml)
     return render_sections(__package__, "assets/line.html", **content)
 
 

@@ -19,8 +19,8 @@ from validation.page.answer.many import Columns
 from validation.page.line import stored_limits_table, table_columns_with_outcome
 from validation.page.page import Content, Row, Section, read_asset, render_sections
 from validation.page.plot import COLORS, Series
-from validation.page.scene_keys import scene_inputs_html
-from validation.page.side_view import ForceUnit, packed_series, six_digits
+from validation.page.scene_keys import line_inputs_html
+from validation.page.side_view import packed_series, six_digits
 
 WORDS: Row = tomllib.loads(read_asset("motion.toml"))
 ROWS: dict[str, str] = WORDS.pop("rows")
@@ -46,8 +46,7 @@ TABLE_QUANTITIES = (
 
 
 def motion_unit(quantity: str) -> str:
-    unit: str = WORDS[quantity.partition(":")[0]]["unit"]
-    return unit
+    return str(WORDS[quantity.partition(":")[0]]["unit"])
 
 
 def means_sentence(round_trip: float) -> str:
@@ -57,8 +56,7 @@ def means_sentence(round_trip: float) -> str:
 
 def motion_quantity_words(quantity: str) -> str:
     kind, _, of = quantity.partition(":")
-    words: str = WORDS[kind]["words"]
-    return words.format(of)
+    return str(WORDS[kind]["words"]).format(of)
 
 
 def comparison_words(quantity: str, subject: str) -> str:
@@ -98,7 +96,7 @@ def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str |
     cars = line["car"]
     contacts = read_csv_columns(folder / "contacts.csv")
     paths = {car["name"]: read_csv_columns(folder / f"path-{car['name']}.csv") for car in cars}
-    compared = _named_comparisons(check_rows)
+    compared = [row | {"named": comparison_words(row["quantity"], row.get("law", ""))} for row in check_rows]
     laws = [row for row in compared if row["quantity"] in ("laws_si", "energy")]
 
     content: Content = {"id": folder.name, "verdict": verdict, "outcome": summary["outcome"]}
@@ -114,13 +112,8 @@ def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str |
     content["grips"] = GRIPS if any("drive" not in car for car in cars) else ""
     content["compared"] = [row for row in compared if row not in laws]
     content["laws"] = laws
-    content["as_read"] = scene_inputs_html(toml, Line)
+    content["as_read"] = line_inputs_html(toml)
     return render_sections(__package__, "assets/motion.html", **content)
-
-
-def _named_comparisons(rows: Sequence[Row]) -> list[Row]:
-    """Rows of a check, each with its name in words."""
-    return [row | {"named": comparison_words(row["quantity"], row.get("law", ""))} for row in rows]
 
 
 def _moving_side_view(folder: Path, contacts: Series, paths: dict[str, Series]) -> Markup:
@@ -131,11 +124,14 @@ def _moving_side_view(folder: Path, contacts: Series, paths: dict[str, Series]) 
     s = np.unique(rope["s"])
     steps = np.searchsorted(contacts["t"], t)
     at_frames = {name: values[steps] for name, values in contacts.items()}
-    frames = {name: {column: values[steps] for column, values in path.items()} for name, path in paths.items()}
     rope_frames = _rope_frames_filled_beyond_pulleys(line, rope, at_frames)
     tensions = rope_frames["T"]
     range_T = float(tensions.min()), float(tensions.max())
-    bodies = _packed_cars(line, frames, side_view.force_unit(range_T[1]))
+    unit = side_view.force_unit(range_T[1])
+    bodies = []
+    for car, color in zip(line.car, COLORS[1:] * len(line.car), strict=False):
+        path = {column: values[steps] for column, values in paths[car.name].items()}
+        bodies.append(side_view.packed_car(path, unit, name=car.name, color=color, below=car.below))
     enlarged = any("body" in body for body in bodies)
     bodies += [_packed_contact(c, at_frames) for c in line.contact if c.kind != "spring"]
 
@@ -193,15 +189,6 @@ def _rope_frames_filled_beyond_pulleys(line: Line, rope: Series, at_frames: Seri
     frames["u"] = filled("x", left.at[0], right.at[0])
     frames["v"] = filled("y", left.at[1], right.at[1])
     return frames
-
-
-def _packed_cars(line: Line, frames: dict[str, Series], unit: ForceUnit) -> list[Content]:
-    """All cars for the side view, one colour each; frames : columns of their paths at the frames, by name."""
-    colors = COLORS[1:] * len(line.car)
-    cars = []
-    for car, color in zip(line.car, colors, strict=False):
-        cars.append(side_view.packed_car(frames[car.name], unit, name=car.name, color=color, below=car.below))
-    return cars
 
 
 def _packed_contact(contact: Contact, at_frames: Series) -> Content:

@@ -55,7 +55,7 @@ def _value_text(value: Any) -> str:
     return f"{len(value)} from {_value_text(value[0])} to {_value_text(value[-1])}"
 
 
-def scene_inputs_html(toml: str, scene_type: type[Scene | Line]) -> Markup:
-    """The table of a scene's keys, its TOML, and the last line of a page."""
+def line_inputs_html(toml: str) -> Markup:
+    """The table of a line's keys, its TOML, and the last line of a page."""
     text = details("Scene file (TOML)", Markup("<pre>{}</pre>").format(toml))
-    return scene_keys_table(toml, scene_type) + text + versions_footer()
+    return scene_keys_table(toml, Line) + text + versions_footer()
