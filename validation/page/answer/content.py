@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from cablefem.response import Response
-from validation.core.answers import crosswind_scope_text, averaging_time_sentence, outcome_of_run
+from validation.core.answers import averaging_time_sentence, crosswind_scope_text, outcome_of_run
 from validation.core.limits import limit_rows, limit_scope_sentences
 from validation.core.measures import time_means_between
 from validation.core.methods import METHODS
