@@ -109,9 +109,6 @@ class _CatenaryProblem:
             rows.append((_vector_lengths(force) - tension)[None] / self.H)
         return np.concatenate(rows)
 
-    def stations_in_order(self, X: np.ndarray) -> bool:
-        return bool(np.all(np.diff(self.stations_of_unknowns(X[:, None]).s, axis=0) > 0.0))
-
     def line_state(self, X: np.ndarray) -> LineState:
         """The line at rest for the solution X (k,)."""
         behind, ahead, s, points = (part[..., 0] for part in self.stations_of_unknowns(X[:, None]))
@@ -179,7 +176,8 @@ def _solve_by_newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
 
 def _is_progress(problem: _CatenaryProblem, X: np.ndarray, residual_before: np.ndarray, near: bool) -> bool:
     """Whether the stations are in order, and the residual is smaller than before or the solution `near`."""
-    if not problem.stations_in_order(X):
+    s = problem.stations_of_unknowns(X[:, None]).s
+    if not np.all(np.diff(s, axis=0) > 0.0):
         return False
     return near or bool(np.linalg.norm(problem.residual(X[:, None])) < np.linalg.norm(residual_before))
 

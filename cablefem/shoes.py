@@ -110,7 +110,7 @@ def line_and_snapshot_after_passage(
     line: MovingLine, passage: Passage, t: float, phase: int, snapshot: LineSnapshot
 ) -> tuple[MovingLine, LineSnapshot]:
     """The line after a passage, and the snapshot with the point of the rope that the car takes, if it does."""
-    car = next(c for c in (*line.cars_on_rope, *line.cars_off_rope) if c.name == passage.car)
+    car = next(c for c in line.all_cars if c.name == passage.car)
     if passage.action == "takes the rope behind":
         snapshot = _snapshot_with_rope_point_below(line, car, t, phase, snapshot)
     at_shoe = _CarAtShoe(line, car, passage.saddle, t, snapshot)
@@ -148,8 +148,7 @@ class _CarAtShoe(NamedTuple):
 
     def line_after_landing(self) -> MovingLine:
         """The line with the car on a rail, from its path on the rope to the slope of the rope beside it."""
-        cars = (*self.line.cars_on_rope, *self.line.cars_off_rope)
-        if any(c.rail is not None and c.rail.saddle == self.saddle.name for c in cars):
+        if any(c.rail is not None and c.rail.saddle == self.saddle.name for c in self.line.all_cars):
             raise StepFailure(self.t, f"two cars on the shoe of {self.saddle.name}", "let one follow later")
         (x, y), velocity, acceleration = self.snapshot.points[self.car.name].tolist()
         slope = velocity[1] / velocity[0]
@@ -321,7 +320,7 @@ def contacts_with_shoe_forces(
     line: MovingLine, cars: tuple[CarMotion, ...], contacts: tuple[ContactMotion, ...]
 ) -> tuple[ContactMotion, ...]:  # fmt: skip
     """The contacts with what cars put on their shoes."""
-    rails = {car.name: car.rail for car in (*line.cars_on_rope, *line.cars_off_rope)}
+    rails = {car.name: car.rail for car in line.all_cars}
     off_rope = [car.name for car in line.cars_off_rope]
     for car in cars:
         rail = rails[car.name]

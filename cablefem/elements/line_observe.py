@@ -104,8 +104,7 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
         cars.append(motion)
     kinetic = x.integral_over_rope(0.5 * system.segments.rho * dot(x.points.w, x.points.w))
     potential = -x.integral_over_rope(system.segments.q * x.points.y)
-    all_cars = (*line.cars_on_rope, *line.cars_off_rope)
-    for car, motion in zip(all_cars, cars, strict=True):
+    for car, motion in zip(line.all_cars, cars, strict=True):
         kinetic = kinetic + _car_kinetic_energy(car, motion)
         potential = potential - car.mass * line.gravity * motion.point[:, 1]
         if motion.turning is not None:

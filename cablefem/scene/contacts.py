@@ -88,6 +88,11 @@ class Car:
     rail: Rail | None = None  # its path while it is on a shoe
 
     @property
+    def phases(self) -> tuple[tuple[float, float], ...]:
+        """Consecutive [t0, t1] in which its travel, or the forces that drive it, are smooth."""
+        return self.drive.phases if self.travel is None else self.travel.phases
+
+    @property
     def travel_end(self) -> TravelEnd | None:
         """Where and how a prescribed travel ends."""
         if self.travel is None:
@@ -155,6 +160,11 @@ class MovingLine:
         return tuple(c for c in self.contacts if isinstance(c, Car))
 
     @cached_property
+    def all_cars(self) -> tuple[Car, ...]:
+        """Cars on the rope, then those off it."""
+        return (*self.cars_on_rope, *self.cars_off_rope)
+
+    @cached_property
     def contacts_and_wheels(self) -> tuple[Contact | Car | Wheel, ...]:
         """`contacts`, but of a car on two wheels the rear and the front one."""
         out: list[Contact | Car | Wheel] = []
@@ -172,13 +182,8 @@ class MovingLine:
     @cached_property
     def phases(self) -> tuple[tuple[float, float], ...]:
         """Consecutive [t0, t1] in which all travels and forces are smooth."""
-        times = {
-            t
-            for car in (*self.cars_on_rope, *self.cars_off_rope)
-            for phase in _phases_of_car(car)
-            for t in phase
-            if 0.0 < t < self.t_end
-        }
+        phases = itertools.chain(*(car.phases for car in self.all_cars))
+        times = {t for t in itertools.chain(*phases) if 0.0 < t < self.t_end}
         return tuple(itertools.pairwise([0.0, *sorted(times), self.t_end]))
 
     def prescribed_position_with_rates(self, car: Car, t: float, phase: int) -> tuple[float, float, float]:
@@ -199,7 +204,7 @@ class MovingLine:
 
     def travel_or_force_changes_after(self, t: float, phase: int) -> bool:
         """Whether a travel or a force is still to change."""
-        ends = [car.travel.phases[-1][1] for car in (*self.cars_on_rope, *self.cars_off_rope) if car.travel is not None]
+        ends = [car.travel.phases[-1][1] for car in self.all_cars if car.travel is not None]
         return phase < len(self.phases) - 1 or t < max(ends, default=0.0)
 
     @property
@@ -233,11 +238,4 @@ class MovingLine:
     def _car_phase_numbers(self) -> dict[str, list[int]]:
         """Phase of each car in each phase of the line; after its last one their number."""
         middles = [0.5 * (t0 + t1) for t0, t1 in self.phases]
-        return {
-            car.name: [sum(t1 < t for _, t1 in _phases_of_car(car)) for t in middles]
-            for car in (*self.cars_on_rope, *self.cars_off_rope)
-        }
-
-
-def _phases_of_car(car: Car) -> tuple[tuple[float, float], ...]:
-    return car.drive.phases if car.travel is None else car.travel.phases
+        return {car.name: [sum(t1 < t for _, t1 in car.phases) for t in middles] for car in self.all_cars}

@@ -179,7 +179,7 @@ class Driving(Part):
         brakes = sorted((brake.position / length, brake.force / force) for brake in self.brake)
         rear_brakes = sorted((brake.position / length, brake.rear_wheel_force / force) for brake in self.brake)
         end_time = math.inf if self.end is None or self.end.time is None else self.end.time
-        angle, thrust_at = self._thrust_angle_and_point
+        on_wheels = self.thrust if isinstance(self.thrust, Thrust) else None
         return Drive(
             mode=self.mode,
             start=self.start_position(length) / length,
@@ -194,17 +194,10 @@ class Driving(Part):
             rest_speed=self.rest_speed * time / length,
             rest_distance=self.rest_distance / length,
             hitch=self.hitch or (0.0, 0.0),
-            thrust_angle=angle,
-            thrust_at=thrust_at,
+            thrust_angle=math.radians(on_wheels.angle) if on_wheels else 0.0,
+            thrust_at=(on_wheels and on_wheels.at) or (0.0, 0.0),
             rear_brakes=tuple(rear_brakes),
         )
-
-    @property
-    def _thrust_angle_and_point(self) -> tuple[float, tuple[float, float]]:
-        """Angle [rad] of the thrust of a car on two wheels, and where it acts."""
-        if not isinstance(self.thrust, Thrust):
-            return 0.0, (0.0, 0.0)
-        return math.radians(self.thrust.angle), self.thrust.at or (0.0, 0.0)
 
     def __str__(self) -> str:
         fields = type(self).model_fields

@@ -75,7 +75,7 @@ SINES = LineMethod("sines", "terms", 3, 0.9, lambda line, n: LineSines(line, n))
 def shortest_time_on_rail(system: Any, state: State) -> float:
     """[s] that cars on rails need for them at their present speed, the shortest; 0 without."""
     times = []
-    for car in (*system.line.cars_on_rope, *system.line.cars_off_rope):
+    for car in system.line.all_cars:
         if car.rail is not None:
             length = car.rail.end.x - car.rail.begin.x
             speed = system.car_point_and_rates(car.name, state)[1, 0]
