@@ -18,7 +18,7 @@ from validation.commands.check import page as check
 from validation.core.foreign import ForeignPath
 from validation.core.quantities import design_row_texts, factor_and_prefixed_unit
 from validation.page import page
-from validation.page.answer.stored import read_stored_check
+from validation.page.answer.stored import read_stored_check_if_started
 from validation.page.plot import PURPLE
 from validation.page.scene_keys import scene_keys_table
 from validation.page.side_view import side_view_of_runs
@@ -94,7 +94,7 @@ def test_a_third_party_has_its_rows_and_its_path(check_copy):
     change_agreement(check_copy, rows=lambda rows: [*rows, party], verdict="disagree")
     path = ForeignPath.of(Scene.load("level"), np.linspace(0.0, 1900.0, 40), np.linspace(0.0, 2.5, 40))
     replace(path, speed=np.full(40, 140.0)).write(check_copy / "with.csv")
-    x = read_stored_check(check_copy)
+    x = read_stored_check_if_started(check_copy)
     assert (x.third_party.method, x.third_party.v.tolist()) == ("other <code>", path.v.tolist())
     how_sure, ride = section_with_id(check_copy, "how-sure").html, section_with_id(check_copy, "ride").html
     said = section_with_id(check_copy, "answer").summary

@@ -52,15 +52,15 @@ def holding_force_by_car_balance(rest: Rest) -> float:
 Quantity = Callable[[Callable[[float], float], Groups], float]  # of a solver's holding force over s_o, on a rope
 
 
-def _hold(force: Callable[[float], float], groups: Groups) -> float:
+def _force_at_a_tenth(holding_force: Callable[[float], float], groups: Groups) -> float:
     """Force that holds a car at s_o = 0.1."""
-    return force(TENTH)
+    return holding_force(TENTH)
 
 
-def _place(force: Callable[[float], float], groups: Groups) -> float:
-    """s_o/l of rest."""
+def _rest_position_by_force(holding_force: Callable[[float], float], groups: Groups) -> float:
+    """s_o/l near the exact one at which the force vanishes."""
     exact = rest_position(groups)
-    return float(brentq(force, exact - 0.06, exact + 0.06, xtol=1e-14))
+    return float(brentq(holding_force, exact - 0.06, exact + 0.06, xtol=1e-14))
 
 
 def _deviation_on_ropes(ropes: Sequence[Groups], quantity: Quantity, exact: Array, scale: Any = 1.0) -> Defect:
@@ -91,7 +91,7 @@ def _laws_of_held_car() -> Iterator[Law]:
     statics = "statics alone"
     gives = "the cable gives way under the car"
     force = "force that holds a car at 0.1 l, over itself"
-    force_off = partial(_deviation_on_ropes, ropes, _hold, scale=holds)
+    force_off = partial(_deviation_on_ropes, ropes, _force_at_a_tenth, scale=holds)
     elements, sines = RIDERS
     on_empty_rope = partial(Law, methods=RIDERS, order=1.0, because=gives, expected="disagree")
     wrong = " on the empty cable's shape"
@@ -101,7 +101,7 @@ def _laws_of_held_car() -> Iterator[Law]:
         name=force, methods=(sines,), defect=force_off(balanced), order=1.9, because=statics + ", by the car's balance"
     )
     place = "place of rest over l"
-    place_off = partial(_deviation_on_ropes, ropes, _place)
+    place_off = partial(_deviation_on_ropes, ropes, _rest_position_by_force)
     yield Law(name=place, methods=RIDERS, defect=place_off(places), order=2.4, because=statics)
     yield on_empty_rope(name=place + wrong, defect=place_off(lowest))
 

@@ -26,30 +26,14 @@ WORDS: Row = tomllib.loads(read_asset("motion.toml"))
 ROWS: dict[str, str] = WORDS.pop("rows")
 OVER_TIME: dict[str, Row] = WORDS.pop("over")  # figures by title
 GRIPS = " A car that grips rings with the rope: grip and contact force of it are means of such means."
-TABLE_QUANTITIES = (
-    "tension_max",
-    "safety_factor_min",
-    "clearance_rope",
-    "clearance_car",
-    "haul_max",
-    "haul_min",
-    "contact_min",
-    "wheel_min",
-    "stress_max",
-    "swing_max",
-    "swing_min",
-    "load_max",
-    "rise_max",
-    "rise_min",
-    "speed_max",
-)  # in a table
+TABLE_QUANTITIES: list[str] = WORDS.pop("table")
 
 
 def motion_unit(quantity: str) -> str:
     return str(WORDS[quantity.partition(":")[0]]["unit"])
 
 
-def means_sentence(round_trip: float) -> str:
+def averaging_time_sentence(round_trip: float) -> str:
     """Over what forces among the design numbers are means; round_trip : of an axial wave [s]."""
     return f"forces are means over an axial round trip of the rope, {round_trip:.2g} s"
 
@@ -108,7 +92,7 @@ def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str |
     content["by_hand"] = any("point" in car.get("wheels", {}).values() for car in cars)
     content["stressed"] = any(d["quantity"].startswith("stress") for d in design)
     content["over"] = list(_figures_over_time(line, contacts, paths))
-    content["means"] = means_sentence(summary["round_trip"])
+    content["means"] = averaging_time_sentence(summary["round_trip"])
     content["grips"] = GRIPS if any("drive" not in car for car in cars) else ""
     content["compared"] = [row for row in compared if row not in laws]
     content["laws"] = laws

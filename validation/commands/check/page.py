@@ -10,7 +10,7 @@ from validation.page import line, motion
 from validation.page.answer import figures as draw
 from validation.page.answer import many
 from validation.page.answer.content import answer_page_content
-from validation.page.answer.stored import read_stored_check
+from validation.page.answer.stored import read_stored_check_if_started
 from validation.page.page import VERDICTS, Section, render_sections, worst_verdict
 
 Row = dict[str, Any]
@@ -30,7 +30,7 @@ def sections(folder: Path) -> list[Section]:
     single = folder / "agreement.json"
     if grid.exists() and (not single.exists() or grid.stat().st_mtime > single.stat().st_mtime):
         return many.run_grid_sections(grid.parent)
-    x = read_stored_check(folder)
+    x = read_stored_check_if_started(folder)
     if x is None:
         return [Section("answer", "Answer", "", "not comparable", "No answer: every run broke at its start.")]
     # of both solvers; a third party has its own verdict

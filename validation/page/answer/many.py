@@ -2,6 +2,7 @@
 
 import csv
 import json
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,7 @@ from validation.core.quantities import factor_and_prefixed_unit, quantity_words
 from validation.core.sidebyside import map_in_parallel
 from validation.page import plot, report, terminal
 from validation.page.options import GridPoint
-from validation.page.page import Row, Section, details, gallery, html_table, versions_footer
+from validation.page.page import Row, Section, details, gallery, html_table, read_asset, versions_footer
 from validation.page.plot import Panel
 from validation.page.scene_keys import scene_keys_table
 from validation.page.side_view import at_most_300_indices, six_digits
@@ -26,30 +27,9 @@ from validation.page.side_view import at_most_300_indices, six_digits
 DASHES = ("", plot.DASHED, plot.DOTTED, "8 3 2 3")  # one for each value of the keys after the first
 POSITIONS = ("rests_at_m", "farthest_m")
 LIMITS = ("limits_met", "limits_worst")
-HEADS = {
-    "outcome": "outcome",
-    "brake_or_arrival_km_h": "at the brake or end [km/h]",
-    "rests_at_m": "rests at [m]",
-    "farthest_m": "farthest point [m]",
-    "clearance_rope_min": "clearance, rope [m]",
-    "clearance_car_min": "clearance, car [m]",
-    "crosswind_load": "left out: load with the wind across over the rope's weight",
-    "limits_met": "limits",
-    "limits_worst": "worst limit",
-    "verdict": "verdict",
-}
-# kind of an outcome in words, of one run or of many
-ENDS = {
-    "breaks": "broke the rope",
-    "arrives": "arrived",
-    "stopped_by_brake": "stopped in the brake",
-    "stuck": "got stuck",
-    "rolls_back": "rolled back to the start",
-    "rolling": "still rolled at the end",
-    "crossed": "crossed the cable",
-    "stopped": "stopped before the end",
-    "incomplete": "broke off",
-}
+_WORDS = tomllib.loads(read_asset("grid.toml"))
+HEADS: dict[str, str] = _WORDS["heads"]
+ENDS: dict[str, str] = _WORDS["outcomes"]
 # columns of a table of runs
 NUMBERS = ("tension_max", "safety_factor_min", "haul_force_max", "clearance_rope_min", "clearance_car_min")
 
@@ -63,7 +43,7 @@ class Column:
     spec: str = ".4g"
 
     def cell_text(self, value: Any) -> str:
-        """Text of a value; a missing one is empty."""
+        """Text of a value; a dash for a missing one."""
         if value is None:
             return "-"
         if isinstance(value, bool | str | list):

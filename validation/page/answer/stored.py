@@ -61,7 +61,7 @@ class StoredAnswer:
         return float(ends[0]), float(ends[1])
 
 
-def read_stored_check(folder: Path) -> StoredAnswer | None:
+def read_stored_check_if_started(folder: Path) -> StoredAnswer | None:
     """The stored results of a check; None where every run broke at its start."""
     agreement = store.read_json(folder / "agreement.json")
     both = [Response.read(folder / name) for name in agreement["methods"][:2]]
