@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -22,7 +23,7 @@ MID_TRAVEL = (0.1, 0.8)  # s_o/l
 LATEST = 0.83  # s_o/l: beyond it the level cable goes slack
 
 
-def turning_points(r: Response, reading: str) -> list[tuple[float, str]]:
+def turning_points(r: Response, reading: Literal["v", "y + v"]) -> list[tuple[float, str]]:
     """(s_o/l, "max" | "min") of every turning point; downward is positive.
 
     reading : "v", the displacement, or "y + v", the point.
@@ -40,7 +41,7 @@ def turning_points(r: Response, reading: str) -> list[tuple[float, str]]:
     return sorted(out)
 
 
-def _path_spline(r: Response, reading: str) -> CubicSpline:
+def _path_spline(r: Response, reading: Literal["v", "y + v"]) -> CubicSpline:
     """The path over s_o/l."""
     return CubicSpline(r.s_o / r.length, r.v if reading == "v" else r.y)
 
@@ -52,20 +53,20 @@ def _candidate_extremes(curve: CubicSpline, start: float, end: float) -> Array:
     return np.array([start, *inner, end])
 
 
-def nearest_turning_point(r: Response, reading: str, near: float, kind: str | None = None) -> float:
+def nearest_turning_point(r: Response, reading: Literal["v", "y + v"], near: float, kind: str | None = None) -> float:
     """s_o/l of the nearest turning point; nan without any."""
     turns = [s for s, k in turning_points(r, reading) if kind in (None, k)]
     return min(turns, key=lambda s: abs(s - near), default=math.nan)
 
 
-def lowest_point_position(r: Response, reading: str, end: float = LATEST) -> float:
+def lowest_point_position(r: Response, reading: Literal["v", "y + v"], end: float = LATEST) -> float:
     """s_o/l of the lowest point of the path."""
     curve = _path_spline(r, reading)
     candidates = _candidate_extremes(curve, 0.0, min(end, r.reached))
     return float(candidates[np.argmax(curve(candidates))])
 
 
-def max_depth(r: Response, reading: str, end: float = LATEST) -> float:
+def max_depth(r: Response, reading: Literal["v", "y + v"], end: float = LATEST) -> float:
     """Largest value of the path [m], up to `end`."""
     path = r.v if reading == "v" else r.y
     return float(path[r.s_o <= end * r.length].max())
@@ -89,7 +90,7 @@ def relative_energy_defect(r: Response, with_static_depth: bool = True) -> float
     return float(largest / (weight * r.max_deflection))
 
 
-def frames_between(r: Response, low: float, high: float) -> slice:
+def frames_between_positions(r: Response, low: float, high: float) -> slice:
     """Frames with s_o/l in [low, high]."""
     position = r.fields.s_o / r.length
     inside = np.flatnonzero((position >= low - 1e-9) & (position <= high + 1e-9))
@@ -98,13 +99,13 @@ def frames_between(r: Response, low: float, high: float) -> slice:
 
 def tension_profiles_mid_travel(r: Response) -> Iterator[tuple[Array, float]]:
     """The tension along the cable and s_o/l of each frame in MID_TRAVEL."""
-    rows = frames_between(r, *MID_TRAVEL)
+    rows = frames_between_positions(r, *MID_TRAVEL)
     return zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True)
 
 
 def median_tensions_over_H(r: Response, low: float, high: float) -> Array:
     """The median along the cable of the tension over H, of each frame with s_o/l in [low, high]."""
-    T = r.fields.T_pointwise[frames_between(r, low, high)]
+    T = r.fields.T_pointwise[frames_between_positions(r, low, high)]
     return np.median(T, axis=1) / r.horizontal_tension
 
 
@@ -162,7 +163,7 @@ def mean_count_of_tension_extremes(r: Response) -> float:
 def mean_tension_jump_over_H(r: Response) -> float:
     """Mean over frames of the tension ahead of the mass less that behind it, over H."""
     jump = r.fields.T_ahead_pointwise - r.fields.T_behind_pointwise
-    return float(np.mean(jump[frames_between(r, *MID_TRAVEL)]) / r.horizontal_tension)
+    return float(np.mean(jump[frames_between_positions(r, *MID_TRAVEL)]) / r.horizontal_tension)
 
 
 def reflected_front_meeting_position(r: Response) -> float:
