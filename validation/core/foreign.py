@@ -380,18 +380,20 @@ def third_party_rows(
         return
     covered = _partial_coverage_text(path, run, window)
     allowed = BoundPart(f"allowed to {other}", with_tol)
-    for name, (distance, components) in _distance_functions_by_quantity(path, run, part, of_path).items():
+    for name, distance in _distance_functions(path, run, part).items():
         bar = BoundPart(run.method, ladder.bar(identity, distance), "its error bar")
-        bound = Bound("our error bar", (bar, allowed), f"of {components}")
+        bound = Bound("our error bar", (bar, allowed), f"of {_COMPONENTS.get(name, of_path)}")
         if covered:
             bound = no_bound(f"{other} covers {covered}; there {bound.sum_or_nan:.2g} would be allowed")
         yield Agreement(name, distance(path, run), bound, where if name == "path_max" else None, other)
 
 
-def _distance_functions_by_quantity(
-    path: ForeignPath | Response, run: Response, part: Window, of_path: str
-) -> dict[str, tuple[Distance, str]]:
-    """Comparable quantities, path first: a distance of two answers, and its components, `of_path` of the path."""
+# what is compared, beside the path
+_COMPONENTS = {"speed": "speed, of the largest", "tension": "tension at the mass, both sides"}
+
+
+def _distance_functions(path: ForeignPath | Response, run: Response, part: Window) -> dict[str, Distance]:
+    """Distances of two answers in all quantities that a path says, in part of the window; its path comes first."""
     stop = find_event("stop", run.events)
 
     def relative_speed(r: Any) -> Array:
@@ -411,11 +413,11 @@ def _distance_functions_by_quantity(
     def tension(a: Any, b: Any) -> float:
         return mass_tension_rms_gap(a, b, part, run.horizontal_tension)
 
-    distances: dict[str, tuple[Distance, str]] = {"path_max": (path_max, of_path), "path_rms": (path_rms, of_path)}
+    distances: dict[str, Distance] = {"path_max": path_max, "path_rms": path_rms}
     if run.drive == "free" and path.speed is not None:
-        distances["speed"] = speed, "speed, of the largest"
+        distances["speed"] = speed
     if path.T_behind is not None and path.T_ahead is not None:
-        distances["tension"] = tension, "tension at the mass, both sides"
+        distances["tension"] = tension
     return distances
 
 

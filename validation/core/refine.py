@@ -83,26 +83,26 @@ class RunsOfMethod:
 
     def compute_ladder(self, settings: dict[str, Any]) -> Ladder:
         """The run with these settings and coarser ones, of which only the paths are computed."""
-        space = self.method.resolution
         finest = self.run_or_reuse(settings, self.window_end)
-        order = min(self.method.space_order, 1.5) if self.method.space_order > 1.0 else 1.0
-        in_space = self._compute_branch(
-            settings, space.setting, self._resolutions_from_finest(settings), space.refinement_ratio, order
+        space = self.method.resolution
+        resolutions = self._resolutions_from_finest(settings)
+        in_space = Branch(
+            runs=self._coarser_runs(settings, space.setting, resolutions[1:]),
+            ratios=tuple(space.refinement_ratio(coarse, fine) for fine, coarse in pairwise(resolutions)),
+            order=min(self.method.space_order, 1.5) if self.method.space_order > 1.0 else 1.0,
         )
-        order = min(2.0, scheme(settings["scheme"]).order)
         steps = settings["steps"]
         all_steps = [steps, *(x for x in (round(steps / 2), round(steps / 4)) if x >= 2)]
-        in_time = self._compute_branch(settings, "steps", all_steps, lambda a, b: b / a, order)
+        in_time = Branch(
+            runs=self._coarser_runs(settings, "steps", all_steps[1:]),
+            ratios=tuple(fine / coarse for fine, coarse in pairwise(all_steps)),
+            order=min(2.0, scheme(settings["scheme"]).order),
+        )
         return Ladder(finest, in_space, in_time)
 
-    def _compute_branch(
-        self, settings: dict[str, Any], name: str, values: list[int], ratio: Callable[[int, int], float], order: float
-    ) -> Branch:
-        """Runs with coarser values of a setting; values : from the finest on;  ratio : of a coarse and a fine value."""
-        coarser = [settings | {name: value} for value in values[1:]]
-        runs = [self.run_or_reuse(x, self.window_end) for x in coarser]
-        ratios = [ratio(coarse, fine) for fine, coarse in pairwise(values)]
-        return Branch(tuple(runs), tuple(ratios), order)
+    def _coarser_runs(self, settings: dict[str, Any], name: str, values: Sequence[int]) -> tuple[Response, ...]:
+        """Runs with these values of the setting `name`."""
+        return tuple(self.run_or_reuse(settings | {name: value}, self.window_end) for value in values)
 
     def _resolutions_from_finest(self, settings: dict[str, Any]) -> list[int]:
         """Resolutions from the finest on: half and quarter, or fewer."""
