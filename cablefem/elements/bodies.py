@@ -135,6 +135,7 @@ def forces_on_cars(cars: CarLoadsAndMasses, slopes_and_motion: Array) -> ForcesO
     load = np.where(normal.real < 0.0, -normal, normal)
     friction = -(cars.friction * load + cars.brake) * cars.sign
     about_hinge = cars.lever * (dot(acceleration, forward) + cars.gravity * np.sin(angle))
+    swing = cars.inertia * turning + about_hinge + cars.resistance * rate - cars.arm * dot(drag, forward)
     return ForcesOnCars(
         contact=contact,
         drive=stretch * (cars.hold + friction),
@@ -143,7 +144,7 @@ def forces_on_cars(cars: CarLoadsAndMasses, slopes_and_motion: Array) -> ForcesO
         haul=haul,
         friction=friction,
         normal=normal,
-        swing=cars.inertia * turning + about_hinge + cars.resistance * rate - cars.arm * dot(drag, forward),
+        swing=swing,
         air_power=dot(drag, cabin_velocity),
     )
 

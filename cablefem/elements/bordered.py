@@ -37,7 +37,7 @@ class DenseMatrix:
         """Add a factor times column `source` to another column."""
         self.matrix[:, to] += factor * self.matrix[:, source]
 
-    def tie_unknown_to_previous(self, j: int, factor: float) -> None:
+    def let_unknown_follow_previous(self, j: int, factor: float) -> None:
         """Let unknown j follow j - 1: add its row and its column to those before, times the factor."""
         self.add_multiple_of_row(j, j - 1, factor)
         self.add_multiple_of_column(j, j - 1, factor)
@@ -107,7 +107,7 @@ class BandMatrix:
         self.columns[i, to] += factor * self.ab[self._in_band(i, source)]
         self.corner[:, to] += factor * self.rows[:, source]
 
-    def tie_unknown_to_previous(self, j: int, factor: float) -> None:
+    def let_unknown_follow_previous(self, j: int, factor: float) -> None:
         """Let unknown j < n follow j - 1: add its row and its column to those before, times the factor."""
         i = np.arange(max(0, j - self.b), min(self.n, j + self.b))
         self.ab[self._in_band(j - 1, i)] += factor * self.ab[self._in_band(j, i)]

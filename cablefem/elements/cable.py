@@ -270,7 +270,8 @@ class CableElements(System):
         a += self.groups.damping * v
         s_o, ds, dds = history.mass_kinematics[frames].T  # (k,) each
         dds = dds + self.groups.damping * ds
-        is_behind = (np.arange(len(knots) - 1) < n_left)[:, None, None]  # (elements, 1, 1)
+        element = np.arange(len(knots) - 1)[:, None, None]
+        is_behind = element < n_left  # (elements, 1, 1)
         side = np.where(is_behind, 1.0, -1.0)  # dh/ds_o
         length = np.diff(knots)[:, None, None]
         h = np.where(is_behind, s_o, 1.0 - s_o)  # (elements, 1, k)
@@ -292,10 +293,10 @@ class CableElements(System):
 
         at = StationPoints(s, s_o, knots, n_left, self.fields)
         return StationFields(
-            w=at.values(q),
-            rate=at.values(rate),
-            slope=at.values(w_x),
-            force_less_flux=at.values(force_less_flux),
+            w=at.evaluate(q),
+            rate=at.evaluate(rate),
+            slope=at.evaluate(w_x),
+            force_less_flux=at.evaluate(force_less_flux),
             c=ds[:, None] * (1.0 - abs(at.x)),
         )
 
@@ -316,7 +317,8 @@ class CableElements(System):
         k = len(histories[0])
         unknowns = np.zeros((self.n_scalar + 1, len(histories), self.fields, k))  # the last ones, -1, of the supports
         for i, x in enumerate(histories):
-            unknowns[:-1, i] = x[:, :size].T.reshape(self.n_scalar, self.fields, k)
+            of_cable = x[:, :size].T
+            unknowns[:-1, i] = of_cable.reshape(self.n_scalar, self.fields, k)
         of_elements = unknowns[self._mesh.dofs]
         polynomials = np.tensordot(self._shapes, of_elements, ((0,), (1,)))
         return np.moveaxis(polynomials, 2, 0)

@@ -111,8 +111,9 @@ def _fit_inner_unknowns(segments: Segments, table: Array, x: Array, target: Arra
     """Set the inner unknowns of x (nn, 2), so that table (G, nn) times x is nearest to the target (G, 2)."""
     root = np.sqrt(segments.weights)[:, None]
     of_ends = table[:, [0, -1]] @ x[[0, -1]]
-    fitted = np.linalg.lstsq(root * table[:, 1:-1], root * (target - of_ends), rcond=None)
-    x[1:-1] = fitted[0]
+    by_inner = root * table[:, 1:-1]
+    missing = root * (target - of_ends)
+    x[1:-1] = np.linalg.lstsq(by_inner, missing, rcond=None)[0]
 
 
 def positions_slopes_and_velocities_at(system: LineElements, z: Coordinates, s: Array) -> Array:

@@ -80,7 +80,8 @@ class FixedElements(CableElements):
         _, solve = super().linearise(t, state.q, state.v, state.a, phase, ACCELERATION_ONLY)
         solve(a_jump)  # in place
         of_particle = N @ a_jump[dofs] + slope_jump
-        return State(t, state.q, state.v, state.a + np.append(a_jump, of_particle), phase)
+        a = state.a + np.append(a_jump, of_particle)
+        return State(t, state.q, state.v, a, phase)
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         """As of the cable; the rows of a particle are eliminated by its constraint."""

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from cablefem.elements.cable import CableElements
-from cablefem.elements.forms import section_forces, section_stiffness
+from cablefem.elements.forms import section_state, section_stiffness
 from cablefem.elements.kernels.balance import MassCoupling, Mesh
 from cablefem.elements.observing import MotionAtMass
 from cablefem.elements.reference import reference_mesh
@@ -82,7 +82,8 @@ class FollowingElements(CableElements):
             node_a = dds * self._entry_slope_behind(inertia * dds, load)
         else:
             raise ValueError("the travel starts with neither speed nor acceleration")
-        return State(t, zero, zero.copy(), (shape[:, None] * node_a).ravel(), phase)
+        a = shape[:, None] * node_a
+        return State(t, zero, zero.copy(), a.ravel(), phase)
 
     def with_clamped_car(self, s_o: float) -> FollowingElements:
         """A copy with the law "tension-only", in which the mass is at rest at s_o."""
@@ -118,7 +119,7 @@ class FollowingElements(CableElements):
 
         def linearise(d: Array) -> tuple[Array, Array]:
             at = X_s, T, d, self.groups.alpha, self._law[3]
-            force = inertia * d + section_forces(*at).force + load
+            force = inertia * d + section_state(*at).force + load
             return force, inertia * np.eye(2) + section_stiffness(*at)
 
         d = solve_newton_dense(linearise, np.zeros(2))

@@ -61,7 +61,7 @@ class Section(NamedTuple):
     stretch: Any  # |r'|
 
 
-def section_forces(X_s: Any, T: Any, w_s: Any, alpha: float, law: float) -> Section:
+def section_state(X_s: Any, T: Any, w_s: Any, alpha: float, law: float) -> Section:
     """The section with slopes w' (2, ...) from X'; differences of nearly equal numbers are avoided."""
     stretch = length_from_components(X_s + w_s)
     eps = strain(X_s, w_s, stretch)
@@ -73,7 +73,7 @@ def section_forces(X_s: Any, T: Any, w_s: Any, alpha: float, law: float) -> Sect
 
 def section_stiffness(X_s: Any, T: Any, w_s: Any, alpha: float, law: float) -> Any:
     """df/dw' (2, 2, ...), f : `Section.force`."""
-    x = section_forces(X_s, T, w_s, alpha, law)
+    x = section_state(X_s, T, w_s, alpha, law)
     t = (X_s + w_s) / x.stretch
     unit = np.eye(2).reshape(2, 2, *[1] * np.ndim(x.stretch))
     across = x.N / x.stretch
@@ -83,7 +83,7 @@ def section_stiffness(X_s: Any, T: Any, w_s: Any, alpha: float, law: float) -> A
 
 @skfem.LinearForm
 def internal_force_form(eta, w):
-    f = section_forces(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"]).force
+    f = section_state(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"]).force
     return np.sum(f * eta.grad[:, 0], axis=0)
 
 

@@ -277,13 +277,15 @@ class _LineBatch:
         W = 0.5 * self.N_ref**2 / self.EA + self.N_ref * more + 0.5 * EA * more**2
         of_elements = {"q": self.q, "a": self.a, "h": h, "EA": EA}
         data = {name: np.broadcast_to(x, lam.shape) for name, x in of_elements.items()}
-        return data | {"lam": lam, "N": N, "W": W, "t": slope / length, "y": u[1]}
+        tangent = slope / length
+        return data | {"lam": lam, "N": N, "W": W, "t": tangent, "y": u[1]}
 
     def energy_derivatives_by_nodes_and_lengths(self, fields: Fields) -> Array:
         """z = (f, g) by the nodes and by h; fields : see `form_data`."""
         of_elements = energy_derivative_by_piece_length.elemental(self.basis, **fields)
+        f = weak_force.assemble(self.basis, **fields)
         g = of_elements.reshape(self.pieces, -1).sum(axis=1)
-        return np.concatenate([weak_force.assemble(self.basis, **fields), g])
+        return np.concatenate([f, g])
 
     def residual_and_condition_slopes(self, X: Array, fields: Fields) -> tuple[Array, Array]:
         """The residual (size,), and the derivatives of `_condition_values_and_derivatives`."""
@@ -298,10 +300,11 @@ class _LineBatch:
         by_length = weak_force_derivative_by_piece_length.assemble(self.basis, **fields)
         piece = np.empty(self.basis.N, int)
         piece[self.basis.element_dofs] = np.repeat(np.arange(self.pieces), self.elements)
-        of_pieces = np.arange(piece.size), piece
-        C = coo_matrix((by_length, of_pieces), (piece.size, self.pieces))
+        positions = np.arange(piece.size), piece
+        C = coo_matrix((by_length, positions), (piece.size, self.pieces))
         of_elements = energy_second_derivative_by_piece_length.elemental(self.basis, **fields)
-        D = diags(of_elements.reshape(self.pieces, -1).sum(axis=1))
+        of_pieces = of_elements.reshape(self.pieces, -1)
+        D = diags(of_pieces.sum(axis=1))
         by_r = weak_force_derivative_by_r.assemble(self.basis, **fields)
         K = bmat([[by_r, C], [C.T, D]], format="csr")
         real = self.ends >= 0

@@ -263,7 +263,9 @@ class LineBalance(LineCoordinates):
 
     def tangent_solver(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: Mask) -> Solve:
         """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free coordinates; without c2 forces F/M count once."""
-        rope_rows = self._rope_rows_noting_loads(x, *rope_and_cars) if self.trolleys else np.empty(0)
+        rope_rows = np.empty(0)
+        if self.trolleys:
+            rope_rows = self._rope_rows_noting_loads(x, *rope_and_cars)
         if not self.compiled:
             return self._sparse_tangent_solver(x, rope_and_cars, c, free, rope_rows)
         matrix = self._rope_and_car_band(x, rope_and_cars, c)
@@ -282,10 +284,11 @@ class LineBalance(LineCoordinates):
     def _rope_and_car_band(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors) -> BandMatrix:
         """The tangent of segments and of cars on one contact; complex factors by two real ones, compiled once."""
         factors = np.array([*c, c[2] or 1.0])
-        matrix = BandMatrix(2 * self.n, self.band, self.size - 2 * self.n)
+        inner = 2 * self.n
+        matrix = BandMatrix(inner, self.band, self.size - inner)
         self._kernel.add_tangent(x, *rope_and_cars, factors.real, matrix)
         if np.iscomplexobj(factors):
-            other = BandMatrix(2 * self.n, self.band, self.size - 2 * self.n)
+            other = BandMatrix(inner, self.band, self.size - inner)
             self._kernel.add_tangent(x, *rope_and_cars, factors.imag, other)
             matrix.add_imaginary_part(other)
         return matrix
@@ -316,7 +319,7 @@ class LineBalance(LineCoordinates):
             trolley.add_tangent(matrix, x, rope_rows[trolley.points.ravel()], cars, c)
         for slot, rail in self.rails:
             slope = rail.depth_with_derivatives(x.q[slot])[1]
-            matrix.tie_unknown_to_previous(slot + 1, slope)
+            matrix.let_unknown_follow_previous(slot + 1, slope)
         for car in self.off_rope.values():
             car.add_tangent(matrix, x.q, c)
         for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):

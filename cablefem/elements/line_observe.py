@@ -10,7 +10,7 @@ import numpy as np
 from cablefem.elements.bodies import CarLoadsAndMasses, ForcesOnCars, forces_on_cars
 from cablefem.elements.off_rope import CarOffRope
 from cablefem.elements.segments import Motion, dot
-from cablefem.elements.trolley import Trolley, TrolleyForces
+from cablefem.elements.trolley import Trolley
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import Array, State
 from cablefem.scene.contacts import Car, Contact
@@ -20,6 +20,11 @@ if TYPE_CHECKING:
     from cablefem.elements.system import LineElements
 
 Powers = dict[str, Array]  # (n,) [W] by force
+FORCES_OF_DRIVE = {
+    "grip": ("swing", "grip"),
+    "haul": ("friction", "drag", "swing", "haul"),
+    "free": ("friction", "drag", "swing", "thrust", "hold"),
+}
 
 
 class _History:
@@ -112,10 +117,11 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
             below = motion.turning.centre - motion.point
             potential = potential - hung * line.gravity * below[:, 1]
     points, tension = _rope_points_and_tensions(x, s)
+    contacts = contacts_with_shoe_forces(line, tuple(cars), contacts)
     return LineMotion(
         t=x.t,
         cars=tuple(cars),
-        contacts=contacts_with_shoe_forces(line, tuple(cars), contacts),
+        contacts=contacts,
         s=s,
         points=points,
         tension=tension,
@@ -164,7 +170,8 @@ def _car_kinetic_energy(car: Car, motion: CarMotion) -> Array:
     across = sense * np.stack([-below[:, 1], below[:, 0]], axis=1)
     centre = motion.velocity + turning.rate[:, None] * across
     at_point = (car.mass - mass) * dot(motion.velocity, motion.velocity)
-    return 0.5 * (at_point + mass * dot(centre, centre) + body.inertia * turning.rate**2)
+    at_centre = mass * dot(centre, centre)
+    return 0.5 * (at_point + at_centre + body.inertia * turning.rate**2)
 
 
 def _support_motion(x: _History, k: int, support: Contact) -> ContactMotion:
@@ -242,6 +249,8 @@ def _car_motion(
 ) -> CarMotion:
     """Motion of a car from its rear and its front wheel, which is contact k; a car on one contact has it twice."""
     rear, front = wheels
+    haul_force = forces.haul if car.drive.mode == "haul" else x.none
+    grip_force = forces.grip if car.drive_kind == "grip" else x.none
     return CarMotion(
         name=car.name,
         s=front.s,
@@ -253,8 +262,8 @@ def _car_motion(
         tension_ahead=front.tension_ahead,
         slope_behind=rear.slope_behind,
         slope_ahead=front.slope_ahead,
-        haul_force=forces.haul if car.drive.mode == "haul" else x.none,
-        grip_force=forces.grip if car.drive_kind == "grip" else x.none,
+        haul_force=haul_force,
+        grip_force=grip_force,
         contact_force=forces.contact,
         shoe_force=forces.shoe,
         turning=turning,
@@ -263,26 +272,27 @@ def _car_motion(
 
 def _point_car_powers(x: _History, i: int, cars: _CarsInMotion, motion: CarMotion) -> Powers:
     """Powers of the forces on car i, which stands on one contact, by force."""
-    car = x.system.line.cars_on_rope[i]
     data = cars.data
     forces = cars.forces
-    ds = motion.ds
     stretch = forces.stretch[:, i]
     along = np.sum(forces.tau[:, i] * motion.velocity, axis=1)
-    powers = {}
-    if car.drive_kind == "grip":
-        powers["grip"] = x.row_of_contact(x.system.cars[i], x.end_rows) * ds
-    else:
-        powers["friction"] = stretch * forces.friction[:, i] * ds
-        powers["drag"] = forces.air_power[:, i]
+    row_of_s = x.row_of_contact(x.system.cars[i], x.end_rows)
+    powers = {
+        "friction": stretch * forces.friction[:, i] * motion.ds,
+        "drag": forces.air_power[:, i],
+        "grip": row_of_s * motion.ds,
+        "haul": forces.haul[:, i] * along,
+        "thrust": data.thrust[:, i] * along,
+        "hold": stretch * data.hold[:, i] * motion.ds,
+    }
     if motion.turning is not None:
         powers["swing"] = -data.resistance[i] * motion.turning.rate**2
-    if car.drive.mode == "haul":
-        powers["haul"] = forces.haul[:, i] * along
-    if car.drive_kind == "free":
-        powers["thrust"] = data.thrust[:, i] * along
-        powers["hold"] = stretch * data.hold[:, i] * ds
-    return powers
+    return _powers_of_drive(x.system.line.cars_on_rope[i], powers)
+
+
+def _powers_of_drive(car: Car, powers: Powers) -> Powers:
+    """Those of the powers that a car has by its drive."""
+    return {force: powers[force] for force in FORCES_OF_DRIVE[car.drive.mode] if force in powers}
 
 
 def _state_off_rope(x: _History, off_rope: CarOffRope, states: Sequence[State]) -> OffRopeState:
@@ -331,36 +341,28 @@ def _trolley_motion_and_powers(x: _History, trolley: Trolley, data: CarLoadsAndM
         wheels.append(_wheel_motion(x, name, wheel, forces.loads[j], slopes[2 * j : 2 * j + 2]))
     rear, front = wheels
     pitch = trolley.body[2]
+    centre = front.point + np.stack(forces.centre, axis=1)
     turning = Turning(
         angle=x.q[:, pitch],
         rate=x.v[:, pitch],
         acceleration=x.a[:, pitch],
-        centre=front.point + np.stack(forces.centre, axis=1),
+        centre=centre,
         wheels=(rear, front),
     )
     row_of_s = x.row_of_contact(k, x.end_rows)
     haul = car.mass * x.a[:, trolley.force]
     on_car = _ForcesOnCar(haul, row_of_s / forces.stretch, rear.load + front.load, np.zeros(x.t.size))
     motion = _car_motion(x, car, k, wheels, on_car, turning)
-    return motion, _trolley_powers(car, forces, rear, front, row_of_s)
-
-
-def _trolley_powers(
-    car: Car, forces: TrolleyForces, rear: WheelMotion, front: WheelMotion, row_of_s: Array
-) -> Powers:  # fmt: skip
-    """Powers of the forces on a car on two wheels, by force; row_of_s : of the front wheel (n,)."""
-    powers = {}
-    if car.drive_kind == "grip":
-        powers["grip"] = row_of_s * front.ds
-    else:
-        powers["friction"] = forces.friction[0] * rear.ds + forces.friction[1] * front.ds
-        powers["drag"] = forces.drag
-    if car.drive.mode == "haul":
-        powers["haul"] = forces.haul
-    if car.drive_kind == "free":
-        powers["thrust"] = forces.thrust
-        powers["hold"] = forces.hold * front.ds
-    return powers
+    rear_friction, front_friction = forces.friction
+    powers = {
+        "friction": rear_friction * rear.ds + front_friction * front.ds,
+        "drag": forces.drag,
+        "grip": row_of_s * front.ds,
+        "haul": forces.haul,
+        "thrust": forces.thrust,
+        "hold": forces.hold * front.ds,
+    }
+    return motion, _powers_of_drive(car, powers)
 
 
 def _wheel_motion(x: _History, name: str, k: int, load: Array, slopes: Sequence[Array]) -> WheelMotion:

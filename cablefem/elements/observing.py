@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.forms import Section, length_from_components, section_forces, strain, tension_stiffness_energy
+from cablefem.elements.forms import Section, length_from_components, section_state, strain, tension_stiffness_energy
 from cablefem.newmark import Array
 from cablefem.response import Observation, States
 
@@ -60,14 +60,16 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     for name, values in at_mass.items():
         if "behind" in name:  # at the left support there is no cable behind
             at_mass[name] = np.where(s_o > 0.0, values, np.nan)
+    path_velocity = direction @ w_t + ds * static
+    path_acceleration = direction @ w_tt + dds * static + ds**2 * bend
     blocks = []
     for rows in _row_blocks(frames, s.size):
         along = system._fields_at_stations(history, s, rows)
         blocks.append(_station_fields(system, along, s, cable.rise[rows]))
     return Observation(
         path=(direction @ w).T,
-        path_velocity=(direction @ w_t + ds * static).T,
-        path_acceleration=(direction @ w_tt + dds * static + ds**2 * bend).T,
+        path_velocity=path_velocity.T,
+        path_acceleration=path_acceleration.T,
         slope_behind=behind.T,
         slope_ahead=ahead.T,
         energy=kinetic + cable.strain + potential,
@@ -206,7 +208,7 @@ def strain_state(system: CableElements, mesh_kinematics: Array, q: Array) -> Str
     if system.fields == 2:
         T, *slope = system.groups.tension_and_slope(s)
         X_s = np.array(slope)
-        x = section_forces(X_s, T, w_s, system._law[0], system._law[3])
+        x = section_state(X_s, T, w_s, system._law[0], system._law[3])
         f = x.force
         N = T + system._law[0] * x.strain
         rise = np.zeros(s_o.size)
@@ -277,7 +279,7 @@ class StationPoints:
         row = np.arange(rows)[:, None]
         self._numbers = np.stack([(element * fields + field) * rows + row for field in range(fields)])
 
-    def values(self, polynomials: Array) -> Array:
+    def evaluate(self, polynomials: Array) -> Array:
         """Polynomials (powers, elements, fields, k) at the stations, (fields, k, m)."""
         highest, *others = polynomials.reshape(len(polynomials), -1)[::-1]
         value = highest.take(self._numbers)
@@ -329,8 +331,8 @@ class _BesideMass(NamedTuple):
         """Behind and ahead."""
         alpha = system._law[0]
         law = system._law[3]
-        behind = section_forces(self.X_s, self.T, self.behind - self.X_s, alpha, law)
-        return behind, section_forces(self.X_s, self.T, self.ahead - self.X_s, alpha, law)
+        behind = section_state(self.X_s, self.T, self.behind - self.X_s, alpha, law)
+        return behind, section_state(self.X_s, self.T, self.ahead - self.X_s, alpha, law)
 
 
 def _kink_force(system: CableElements, beside: _BesideMass) -> Array:

@@ -204,7 +204,8 @@ def _guess_contact_x(system: LineBalance, q: Array) -> Array:
     begin = 0.0
     if line.supports[0].kind == "counterweight":
         begin = (line.rope.length or 0.0) - along[-1]
-    x = np.array([c.point[0] if isinstance(c, Contact) else 0.0 for c in line.contacts_and_wheels])
+    x = np.zeros(len(line.contacts_and_wheels))
+    x[system.supports] = points[:, 0]
     for i, car in enumerate(line.cars_on_rope):
         at = q[system.slot_set_by_travel(i)]
         if car.drive_kind != "haul_x":

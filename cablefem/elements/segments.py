@@ -141,21 +141,12 @@ class Segments:
         dc = dot(dds, self.psi)  # rate of c at fixed xi
         flow = (c / h)[..., None]
         speed_up = (c * dh / h - dc) / h
-        stretch = np.sqrt(dot(r_xi, r_xi)) / h
-        more = stretch - 1.0
-        return PointFields(
-            h=h,
-            dh=dh,
-            c=c,
-            y=r[..., 1],
-            r_xi=r_xi,
-            v_xi=v_xi,
-            w=v - flow * r_xi,
-            dw=a - flow * v_xi + speed_up[..., None] * r_xi,
-            lam=stretch,
-            N=law.N_r + law.EA * more,
-            W=law.W_r + (law.N_r + 0.5 * law.EA * more) * more,
-        )
+        w = v - flow * r_xi
+        dw = a - flow * v_xi + speed_up[..., None] * r_xi
+        lam = np.sqrt(dot(r_xi, r_xi)) / h
+        N = law.N_r + law.EA * (lam - 1.0)
+        W = law.W_r + (law.N_r + 0.5 * law.EA * (lam - 1.0)) * (lam - 1.0)
+        return PointFields(h=h, dh=dh, c=c, y=r[..., 1], r_xi=r_xi, v_xi=v_xi, w=w, dw=dw, lam=lam, N=N, W=W)
 
     def fields_of_motion(self, motion: Motion) -> PointFields:
         """Fields at the Gauss points under the rope's own law."""

@@ -131,7 +131,8 @@ class LineElements(LineBalance):
         frictionless = now._replace(hold=none, brake=none, friction=none)
         rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, frictionless))
         needed = rows[slots] / stretch
-        projection = vector_length(y[:, 0:2] + y[:, 2:4]) / (2.0 * stretch)  # |<r'>|/<lam>
+        twice_mean_slope = y[:, 0:2] + y[:, 2:4]
+        projection = vector_length(twice_mean_slope) / (2.0 * stretch)  # |<r'>|/<lam>
         thrust_angles = [car.drive.thrust_angle for car in self.line.cars_on_rope]
         needed -= now.thrust * np.cos(thrust_angles) / projection
         for i in self.free_cars:
@@ -204,7 +205,9 @@ class LineElements(LineBalance):
 
     def _friction_margin(self, i: int, z: Coordinates, rows: Array, pressing: Sequence[float]) -> float:
         """Largest force [N] of friction and brakes less the one that holds car i."""
-        load = sum(abs(load) for of, load in zip(self._pressing, pressing, strict=True) if of == i)
+        load = 0.0
+        for car, pressed in zip(self._pressing, pressing, strict=True):
+            load += abs(pressed) if car == i else 0.0
         largest = self._unloaded_cars.friction[i] * load + self.brakes[i]
         return float(largest - abs(self._holding_force(i, z, rows)))
 
@@ -214,7 +217,8 @@ class LineElements(LineBalance):
         gaps = np.diff(z.q[self.s])[self._gaps] - NEAREST
         values = gaps.tolist()
         if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
-            return (*values, *[np.inf] * (len(self.events) - gaps.size))
+            others = [np.inf] * (len(self.events) - gaps.size)
+            return (*values, *others)
         for i in self._stops:
             ahead = float(z.v[self.slot_of_s(i)] * self.signs[i])
             values.append(np.inf if self._sticks(i) else ahead)
@@ -242,7 +246,8 @@ class LineElements(LineBalance):
         """Rows, and loads with the smallest tension, of x; of the end of a step those of its residual."""
         last = self._last
         if last is None or last[0] != x.t or not np.array_equal(last[1], x.a):
-            return self.balance_rows(x.t, z, x.phase), self.loads[0]
+            rows = self.balance_rows(x.t, z, x.phase)
+            return rows, self.loads[0]
         return last[2:]
 
     def car_point_and_rates(self, car: str, x: State) -> Array:

@@ -62,7 +62,9 @@ def _wheel_forces(slopes: Any, rope_row: Any, mu_r: float, brake: Array, sign: A
     ty = by + ay
     across = tx * rope_row[1] - ty * rope_row[0]
     load = across / np.sqrt(tx * tx + ty * ty)
-    stretch = 0.5 * (np.sqrt(bx * bx + by * by) + np.sqrt(ax * ax + ay * ay))
+    behind = np.sqrt(bx * bx + by * by)
+    ahead = np.sqrt(ax * ax + ay * ay)
+    stretch = 0.5 * (behind + ahead)
     holding = mu_r * load * np.sign(load.real) + brake
     friction = -stretch * holding * sign
     return WheelForces(load, friction, stretch)
@@ -93,7 +95,8 @@ class Trolley:
         # sides of the wheels: segments behind, between, between, ahead, and which ends of these
         segment = np.array([rear - 1, rear, rear, front])[:, None]
         end = np.array([1, 0, 1, 0])
-        near = np.array([np.flatnonzero(x) for x in end_slopes])[end]  # nodes with slopes there (4, near)
+        with_slopes = np.array([np.flatnonzero(x) for x in end_slopes])
+        near = with_slopes[end]  # nodes with slopes there (4, near)
         self.near = 2 * nodes[segment, near][:, :, None] + np.arange(2)  # (4, near, 2)
         self.shapes = end_slopes[end[:, None], near]  # (4, near)
         self.ends = s[segment + np.arange(2)]  # (4, 2)
@@ -124,7 +127,8 @@ class Trolley:
         force = a[..., self.force] if self.force >= 0 else 0.0 * rope_rows[..., 0]
         pitch = q[..., self.body[2:]]
         rates = [v[..., self.body], a[..., self.body]]
-        return np.concatenate([slopes, rope_rows, pitch, *rates, force[..., None]], axis=-1).T
+        inputs = [slopes, rope_rows, pitch, *rates, force[..., None]]
+        return np.concatenate(inputs, axis=-1).T
 
     def forces(self, cars: CarLoadsAndMasses, inputs: Any) -> TrolleyForces:
         """Forces on the car, and rows.
@@ -171,6 +175,9 @@ class Trolley:
         front = _wheel_forces(y[4:8], front_row, drive.mu_r, front_brake, sign)
         hold = front.stretch * cars.hold.T[self.i]
         along_wheels = cos * vx + sin * vy
+        thrust_power = thrust_x * vx + thrust_y * vy + thrust_turns * rate
+        haul_power = haul * along_wheels + haul_turns * rate
+        drag_power = drag * (air * vx + vy * vy)
         return TrolleyForces(
             rows=(of_X, of_Y, of_th, -rear.friction, -front.friction - hold),
             centre=(cx, cy),
@@ -178,9 +185,9 @@ class Trolley:
             friction=(rear.friction, front.friction),
             hold=hold,
             stretch=front.stretch,
-            thrust=thrust_x * vx + thrust_y * vy + thrust_turns * rate,
-            haul=haul * along_wheels + haul_turns * rate,
-            drag=drag * (air * vx + vy * vy),
+            thrust=thrust_power,
+            haul=haul_power,
+            drag=drag_power,
         )
 
     def add_tangent(
