@@ -32,10 +32,12 @@ class SystemOverPosition(System):
         self.force_scale = system.force_scale
         self.force_floor = system.force_floor
         at = self.motion.position_with_rates
-        self.phases = tuple((at(t0, k)[0], at(t1, k)[0]) for k, (t0, t1) in enumerate(system.phases))
-        if any(at(t0, k)[1] <= 0.0 for k, (t0, _) in enumerate(system.phases) if k):
+        starts = [at(t, k) for k, (t, _) in enumerate(system.phases)]
+        ends = [at(t, k) for k, (_, t) in enumerate(system.phases)]
+        self.phases = tuple((start[0], end[0]) for start, end in zip(starts, ends, strict=True))
+        if any(ds_o <= 0.0 for _, ds_o, _ in starts[1:]):
             raise ValueError("the mass stands still on its way: s_o cannot be the independent variable; use time")
-        if at(system.phases[0][0], 0)[1:] == (0.0, 0.0):
+        if starts[0][1:] == (0.0, 0.0):
             raise ValueError("the mass starts with neither speed nor acceleration: g(s_o) has no series at 0; use time")
         self._time_speed_acceleration = lru_cache(maxsize=8)(self._time_speed_acceleration_at)
 
@@ -55,7 +57,8 @@ class SystemOverPosition(System):
         """t, ds_o, dds_o where the mass is at s_o."""
         t0, t1 = self.system.phases[phase]
         t = min(max(self.motion.time_at_position(s_o), t0), t1)
-        return t, *self.motion.position_with_rates(t, phase)[1:]
+        _, ds_o, dds_o = self.motion.position_with_rates(t, phase)
+        return t, ds_o, dds_o
 
     def start(self, phase: int, state: State | None) -> State:
         """The state at the start of a phase by place: q and its derivatives by s_o; (48) where the car is at rest."""
@@ -64,24 +67,26 @@ class SystemOverPosition(System):
         if state is None:
             x = self.system.start(phase, None)
         else:
-            before = self._time_speed_acceleration(s_o, state.phase)
-            q, v, a = time_derivatives(state.q, state.v, state.a, *before[1:])
+            _, *rates = self._time_speed_acceleration(s_o, state.phase)
+            q, v, a = time_derivatives(state.q, state.v, state.a, *rates)
             x = self.system.start(phase, State(t, q, v, a, state.phase))
         if ds_o > 0.0:
-            slope = x.v / ds_o
-            return State(s_o, x.q, slope, (x.a - dds_o * slope) / ds_o**2, phase)
-        slope = x.a / dds_o
-        start = 1e-4  # s_o of the balance at a start from rest, over the travel; the limit (48) excites axial modes
-        return State(s_o, x.q, slope, self.second_derivative_at_start(slope, start * self.phases[0][1]), phase)
+            first = x.v / ds_o
+            second = (x.a - dds_o * first) / ds_o**2
+        else:
+            first = x.a / dds_o
+            start = 1e-4  # s_o of the balance at a start from rest, over the travel; the limit (48) excites axial modes
+            second = self.second_derivative_at_rest_start(first, start * self.phases[0][1])
+        return State(s_o, x.q, first, second, phase)
 
-    def second_derivative_at_start(self, first_derivative: Array, s_o: float) -> Array:
+    def second_derivative_at_rest_start(self, first_derivative: Array, s_o: float) -> Array:
         """g'' at a start from rest by s_o g' + s_o^2 g''/2 in balance at s_o; s_o -> 0 is (48)."""
-        d = s_o
+        half_square = 0.5 * s_o * s_o
         second = np.zeros(self.n_dof)
         for _ in range(3):  # Newton; nearly linear
-            q = d * first_derivative + (0.5 * d * d) * second
-            v = first_derivative + d * second
-            r, solve = self.linearise(d, q, v, second, 0, (0.5 * d * d, d, 1.0))
+            q = s_o * first_derivative + half_square * second
+            v = first_derivative + s_o * second
+            r, solve = self.linearise(s_o, q, v, second, 0, (half_square, s_o, 1.0))
             second = second - solve(r.copy())
         return second
 

@@ -48,18 +48,21 @@ class FullCable:
 
     def internal_force_and_tensions(self, points: kernels.Points, Q: Array) -> tuple[Array, Array]:
         """R (2, n), and the elastic tensions at the points."""
-        x = self._weighted_force_energy_and_tangent(points, Q)
-        return x[2:4] @ points.phi.T, x[7]
+        rows = self._weighted_force_energy_and_tangent(points, Q)
+        return rows[2:4] @ points.phi.T, rows[7]
 
     def force_tensions_and_tangent(self, points: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
         """R, the tensions, and dR/dQ (2 n, 2 n)."""
-        x = self._weighted_force_energy_and_tangent(points, Q)
-        n = len(points.phi)
+        rows = self._weighted_force_energy_and_tangent(points, Q)
+        phi = points.phi
+        n = len(phi)
+        xx, xy, yy = rows[4:7]
         K = np.empty((Q.size, Q.size))
-        for (i, j), f in zip(((0, 0), (0, n), (n, n)), x[4:7], strict=True):
-            K[i : i + n, j : j + n] = (f * points.phi) @ points.phi.T
+        K[:n, :n] = (xx * phi) @ phi.T
+        K[:n, n:] = (xy * phi) @ phi.T
+        K[n:, n:] = (yy * phi) @ phi.T
         K[n:, :n] = K[:n, n:]
-        return x[2:4] @ points.phi.T, x[7], K
+        return rows[2:4] @ phi.T, rows[7], K
 
     def min_tension_and_position(self, basis: Any, points: kernels.Points, tensions: Any) -> tuple[float, float]:
         s_o = 1.0 / float(points.phi[-1, 0]) if basis.kink else 1.0  # 1: one side for all
@@ -81,8 +84,9 @@ class FullCable:
 
     def force_and_tangent_at_point(self, s: Array, w_s: Array) -> tuple[Array, Array]:
         """N t - T t_static (2,) at one s for w', and its derivative (2, 2) by w'."""
-        _, _, fx, fy, xx, xy, yy, _ = self.force_energy_and_tangent_rows(np.atleast_1d(s), w_s[:, None])[:, 0]
-        return np.array([fx, fy]), np.array([[xx, xy], [xy, yy]])
+        rows = self.force_energy_and_tangent_rows(np.atleast_1d(s), w_s[:, None])[:, 0]
+        xx, xy, yy = rows[4:7]
+        return rows[2:4], np.array([[xx, xy], [xy, yy]])
 
 
 class ChordCable:
@@ -126,13 +130,14 @@ class ChordCable:
         """R (1, n), h and dR/dQ (n, n)."""
         _, h, g = self._chord_force_rise_and_gradient(tables, Q)
         at_fixed_h = (self.T_chord + self.kap * h) * tables[0]
-        J = at_fixed_h + np.multiply.outer(self.alpha * self.lam * g, g)
-        return *self.internal_force_and_tensions(tables, Q), J
+        K = at_fixed_h + np.multiply.outer(self.alpha * self.lam * g, g)
+        return *self.internal_force_and_tensions(tables, Q), K
 
     def strain_energy_and_tension_rise(self, tables: tuple[Array, Array], Q: Array) -> tuple[float, float]:
         """Strain energy and h."""
         Sq, h, _ = self._chord_force_rise_and_gradient(tables, Q)
-        return 0.5 * self.T_chord * (Q[0] @ Sq) + 0.5 * h**2 / self.alpha, h
+        energy = 0.5 * self.T_chord * (Q[0] @ Sq) + 0.5 * h**2 / self.alpha
+        return energy, h
 
     def min_tension_and_position(self, basis: Any, tables: Any, h: Any) -> tuple[float, float]:
         return self.static_min_tension + h, self.min_tension_at

@@ -43,12 +43,15 @@ def _mask_factor_without_zeros(order: int) -> np.ndarray:
     zeros = np.ones(1)
     for _ in range(p):
         zeros = np.convolve(zeros, [0.5, 0.5])
-    deconvolve = np.array([np.convolve(2.0 * zeros, row) for row in np.eye(p)]).T
+    convolution = np.array([np.convolve(2.0 * zeros, row) for row in np.eye(p)]).T
     h = sqrt(2.0) * np.array(pywt.Wavelet(f"db{p}").rec_lo)
-    q = np.linalg.lstsq(deconvolve, h, rcond=None)[0]
-    residual = target[p - 1 :] - np.array([q[k:] @ q[: p - k] for k in range(p)])
-    padded = np.concatenate([np.zeros(p), q, np.zeros(p)])
-    jacobian = np.array([padded[p + k : 2 * p + k] + padded[p - k : 2 * p - k] for k in range(p)])
+    q = np.linalg.lstsq(convolution, h, rcond=None)[0]
+    padded = np.pad(q, p)
+    residual = np.empty(p)
+    jacobian = np.empty((p, p))
+    for k in range(p):
+        residual[k] = target[p - 1 + k] - q[k:] @ q[: p - k]
+        jacobian[k] = padded[p + k : 2 * p + k] + padded[p - k : 2 * p - k]
     return np.asarray(q + np.linalg.solve(jacobian, residual))
 
 
@@ -56,7 +59,13 @@ def _transition_matrix(mask: np.ndarray, digit: int) -> np.ndarray:
     """(T_d)_ij = h_(2i-j+d), h the mask."""
     n = mask.size - 1
     k = 2 * np.arange(n)[:, None] - np.arange(n) + digit
-    return np.where((k >= 0) & (k <= n), mask[np.clip(k, 0, n)], mask[0] * 0)
+    return _taps_or_zero(mask, k)
+
+
+def _taps_or_zero(mask: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """h_k of the mask, 0 where it has none."""
+    last = mask.size - 1
+    return np.where((k >= 0) & (k <= last), mask[np.clip(k, 0, last)], 0.0)
 
 
 class _DyadicTable(NamedTuple):
@@ -82,13 +91,14 @@ def _cholesky_factors_of_cut_grams(mask: np.ndarray) -> tuple[np.ndarray, np.nda
     """
     R = mask.size - 1
     k = np.arange(1 - R, R) - 2 * np.arange(1 - R, 0)[:, None]  # t - 2 l
-    taps = np.where((k >= 0) & (k <= R), mask[np.clip(k, 0, R)], 0.0)
+    taps = _taps_or_zero(mask, k)
+    B = taps[:, R - 1 :]
+    W = B @ B.T / 2
     step = taps[:, : R - 1] / sqrt(2.0)
-    W = taps[:, R - 1 :] @ taps[:, R - 1 :].T / 2
     for _ in range(8):
         W = W + step @ W @ step.T
         step = step @ step
-    return np.linalg.cholesky(W), np.linalg.cholesky(np.diag([1.0] * (R - 1)) - W)
+    return np.linalg.cholesky(W), np.linalg.cholesky(np.eye(R - 1) - W)
 
 
 @lru_cache(maxsize=16)
@@ -183,9 +193,10 @@ class _SumsOfShifts(NamedTuple):
 
 def _running_sum_outwards(c: np.ndarray, first: int) -> np.ndarray:
     """b with b_l - b_(l-1) = c_l and b_-1 = 0, summed outwards: left coefficients are large."""
-    left = c[:-first]
-    right = c[-first:]
-    return np.concatenate([-np.cumsum(left[::-1], axis=0)[::-1], np.zeros((1, c.shape[1])), np.cumsum(right, axis=0)])
+    inwards = np.cumsum(c[:-first][::-1], axis=0)[::-1]
+    none = np.zeros((1, c.shape[1]))
+    outwards = np.cumsum(c[-first:], axis=0)
+    return np.concatenate([-inwards, none, outwards])
 
 
 def _sums_of_shifts_from_derivative(order: int, level: int, c: np.ndarray) -> _SumsOfShifts:
@@ -257,9 +268,8 @@ def _orthonormal_functions(order: int, level: int, reading: Reading) -> _SumsOfS
     left = solve_triangular(mother.left, U[:edge], lower=True, trans="T")
     right = solve_triangular(mother.right, U[-edge:], lower=True, trans="T")
     c = sqrt(2**level * (2 * order - 1)) * np.concatenate([left, U[edge:-edge], right])
-    return _sums_of_shifts_from_derivative(
-        order, level, c - _sums_of_shifts_from_derivative(order, level, c)(np.array([1.0]), -1)
-    )  # 0 at s = 1 in spite of rounding
+    rounding = _sums_of_shifts_from_derivative(order, level, c)(np.array([1.0]), -1)  # at s = 1, else 0
+    return _sums_of_shifts_from_derivative(order, level, c - rounding)
 
 
 def _gram_matrix_on_cell(T: np.ndarray) -> np.ndarray:
@@ -315,10 +325,16 @@ class Daubechies:
     def values_derivatives_primitives(self, s: float) -> np.ndarray:
         """phi, phi', phi'' (0 where it does not exist) and two primitives at one s, (5, n)."""
         x = np.array([s])
-        second = self.phi(x, 2) if self.has_second_derivative else np.zeros((1, self.n))
-        return np.concatenate([self.phi(x), self.phi(x, 1), second, self.phi(x, -1), self.phi(x, -2)])
+        rows = np.zeros((5, self.n))
+        rows[0] = self.phi(x)[0]
+        rows[1] = self.phi(x, 1)[0]
+        if self.has_second_derivative:
+            rows[2] = self.phi(x, 2)[0]
+        rows[3] = self.phi(x, -1)[0]
+        rows[4] = self.phi(x, -2)[0]
+        return rows
 
-    def phi(self, s: np.ndarray, derivative: int = 0) -> np.ndarray:
+    def phi(self, s: np.ndarray, derivative: Literal[-2, -1, 0, 1, 2] = 0) -> np.ndarray:
         """A derivative of phi of this order, (n_s, n); primitives for a negative one."""
         return self._functions(s, derivative - 1)
 
@@ -327,11 +343,11 @@ class Daubechies:
         left, w_left = self.quadrature(0.0, s_o)
         right, w_right = self.quadrature(s_o)
         s = np.concatenate([left, right])
-        own, table = _slopes_at_quadrature_points(self)
-        i = np.searchsorted(own, s)
+        tabulated, table = _slopes_at_quadrature_points(self)
+        i = np.searchsorted(tabulated, s)
         phi = np.empty((self.n + 1, s.size))
         np.take(table, i, axis=1, out=phi[:-1], mode="clip")
-        new = own.take(i, mode="clip") != s
+        new = tabulated.take(i, mode="clip") != s
         phi[:-1, new] = self.phi(s[new], 1).T
         phi[-1, : left.size] = 1.0 / s_o
         phi[-1, left.size :] = -1.0 / (1.0 - s_o)
@@ -360,9 +376,14 @@ class Daubechies:
     def quadrature(self, a: float = 0.0, b: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
         """Two Gauss points on each 1/8 of a cell (1/32 in the first two), as psi is not smooth."""
         n = self.cell_count
-        edges = np.concatenate([np.arange(64) / (32 * n), np.arange(16, 8 * n + 1) / (8 * n)])
-        inside = slice(np.searchsorted(edges, a, side="right"), np.searchsorted(edges, b))
-        edges = np.concatenate([[a], edges[inside], [b]])
+        fine = np.arange(64) / (32 * n)
+        coarse = np.arange(16, 8 * n + 1) / (8 * n)
+        edges = np.concatenate([fine, coarse])
+        first = np.searchsorted(edges, a, side="right")
+        inside = edges[first : np.searchsorted(edges, b)]
+        edges = np.concatenate([[a], inside, [b]])
         centre = 0.5 * (edges[1:] + edges[:-1])
         half = 0.5 * np.diff(edges)
-        return (centre[:, None] + half[:, None] * np.array([-1.0, 1.0]) / sqrt(3.0)).ravel(), np.repeat(half, 2)
+        offsets = half[:, None] * np.array([-1.0, 1.0]) / sqrt(3.0)
+        points = centre[:, None] + offsets
+        return points.ravel(), np.repeat(half, 2)

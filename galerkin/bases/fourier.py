@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from scipy.special import roots_legendre
@@ -116,9 +117,12 @@ def quadrature_with_kinked_slopes(
     sn = np.empty(both)
     dense = np.empty(both)
     for q in range(both):
-        x, w = (x_o * behind[0, q], x_o * behind[1, q]) if q < m else (
-            x_o + (1.0 - x_o) * ahead[0, q - m], (1.0 - x_o) * ahead[1, q - m]
-        )  # fmt: skip
+        if q < m:
+            x = x_o * behind[0, q]
+            w = x_o * behind[1, q]
+        else:
+            x = x_o + (1.0 - x_o) * ahead[0, q - m]
+            w = (1.0 - x_o) * ahead[1, q - m]
         c1[q] = c[q] = math.cos(math.pi * x)
         s1[q] = sn[q] = math.sin(math.pi * x)
         stretch = 1.0 - grading * (2.0 * c1[q] * c1[q] - 1.0)
@@ -130,7 +134,9 @@ def quadrature_with_kinked_slopes(
         row = phi[k]
         for q in range(both):
             row[q] = wave * c[q] * dense[q]
-            c[q], sn[q] = c[q] * c1[q] - sn[q] * s1[q], sn[q] * c1[q] + c[q] * s1[q]
+            turned = c[q] * c1[q] - sn[q] * s1[q]
+            sn[q] = sn[q] * c1[q] + c[q] * s1[q]
+            c[q] = turned
     for q in range(both):
         phi[n, q] = 1.0 / s_o if q < m else -1.0 / (1.0 - s_o)
     return s, weights, phi
@@ -153,7 +159,7 @@ class Fourier:
         """phi, phi', phi'' and two primitives at one s, (5, n)."""
         return values_derivatives_primitives(s, self.n, self.grading)
 
-    def phi(self, s: np.ndarray, derivative: int = 0) -> np.ndarray:
+    def phi(self, s: np.ndarray, derivative: Literal[-2, -1, 0, 1, 2] = 0) -> np.ndarray:
         """A derivative of phi of this order, (n_s, n); primitives for a negative one."""
         row = (0, 1, 2, 4, 3)[derivative]
         return derivative_or_primitive_at_points(s, self.n, self.grading, row)
@@ -161,9 +167,10 @@ class Fourier:
     def mass_matrix(self) -> np.ndarray:
         """int phi_m phi_n ds."""
         k = np.arange(1, self.n + 1)
-        apart = np.subtract.outer(k, k)
-        sums = np.add.outer(k, k)
-        return 0.5 * (apart == 0) - 0.25 * self.grading * ((np.abs(apart) == 2) * 1.0 - (sums == 2))
+        difference = np.subtract.outer(k, k)
+        couples = 1.0 * (np.abs(difference) == 2)
+        couples[0, 0] = -1.0
+        return 0.5 * (difference == 0) - 0.25 * self.grading * couples
 
     def stiffness_matrix(self) -> np.ndarray:
         """int phi_m' phi_n' ds."""
@@ -178,9 +185,11 @@ class Fourier:
 
     def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
         """Points and weights on [0, 1] for products of first derivatives."""
-        x, w = _gauss_rule_on_unit_interval(2 * self.n + 40)
-        turn = 2.0 * np.pi * x
-        return x - self.grading * np.sin(turn) / (2.0 * np.pi), w * (1.0 - self.grading * np.cos(turn))
+        xi, weights = _gauss_rule_on_unit_interval(2 * self.n + 40)
+        turn = 2.0 * np.pi * xi
+        s = xi - self.grading * np.sin(turn) / (2.0 * np.pi)
+        stretch = 1.0 - self.grading * np.cos(turn)
+        return s, weights * stretch
 
     def gauss_rules_of_sides(self, s_o: float) -> tuple[np.ndarray, np.ndarray]:
         """Gauss points and weights on [0, 1] for the sides behind and ahead of s_o, (2, m) each."""
@@ -189,11 +198,16 @@ class Fourier:
 
     def runs_of_equal_gauss_rules(self, s_o: np.ndarray) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
         """Runs of consecutive places s_o (m,) with equal rules, and these rules."""
-        x = np.array([xi_of_s(s, self.grading) for s in s_o.tolist()]) if self.grading else s_o
-        counts = np.ceil(self.n * np.stack([x, 1.0 - x]) / 8.0)
-        ends = np.flatnonzero((counts[:, 1:] != counts[:, :-1]).any(axis=0)) + 1
+        xi = s_o
+        if self.grading:
+            xi = np.array([xi_of_s(s, self.grading) for s in s_o.tolist()])
+        sides = np.stack([xi, 1.0 - xi])
+        counts = np.ceil(self.n * sides / 8.0)
+        changes = np.diff(counts, axis=1).any(axis=0)
+        ends = np.flatnonzero(changes) + 1
         for first, end in pairwise([0, *ends.tolist(), s_o.size]):
-            yield slice(first, end), *self.gauss_rules_of_sides(float(s_o[first]))
+            behind, ahead = self.gauss_rules_of_sides(float(s_o[first]))
+            yield slice(first, end), behind, ahead
 
     def gauss_rule_of_side(self, length_in_xi: float) -> np.ndarray:
         """Gauss points and weights on [0, 1] for a side of this length, (2, m)."""

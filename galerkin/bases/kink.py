@@ -34,9 +34,10 @@ def _hat_overlap_with_derivatives(
         return chord - primitive, chord - primitive, 0.0
     w = s_o * (1.0 - s_o)
     dw = 1.0 - 2.0 * s_o
-    value = (left + s_o * chord - second_primitive) / w
-    slope = (chord - primitive - dw * value) / w  # from I w = -E
-    return value, slope, (2.0 * (value - dw * slope) - phi) / w
+    value = (left + s_o * chord - second_primitive) / w  # I w = -E
+    slope = (chord - primitive - dw * value) / w
+    bend = (2.0 * (value - dw * slope) - phi) / w
+    return value, slope, bend
 
 
 @compiled
@@ -47,9 +48,12 @@ def _hat_overlaps_with_derivatives(
     out = np.empty((3, *phi.shape))
     for i in range(s_o.size):
         for k in range(phi.shape[1]):
-            out[0, i, k], out[1, i, k], out[2, i, k] = _hat_overlap_with_derivatives(
+            value, slope, bend = _hat_overlap_with_derivatives(
                 phi[i, k], primitive[i, k], second_primitive[i, k], left[k], chord[k], s_o[i]
             )
+            out[0, i, k] = value
+            out[1, i, k] = slope
+            out[2, i, k] = bend
     return out
 
 
@@ -116,8 +120,10 @@ class KinkedBasis:
 
     def hat_overlaps_and_derivatives(self, s_o: Array) -> Array:
         """I, I', I'' at s_o (m,) in [0, 1), (3, m, basis.n)."""
-        tables = (self.basis.phi(s_o, m) for m in (0, -1, -2))
-        return _hat_overlaps_with_derivatives(*tables, self.left, self.chord, s_o)
+        phi = self.basis.phi(s_o)
+        primitive = self.basis.phi(s_o, -1)
+        second_primitive = self.basis.phi(s_o, -2)
+        return _hat_overlaps_with_derivatives(phi, primitive, second_primitive, self.left, self.chord, s_o)
 
     def inertia_terms(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> InertiaTerms:
         functions = self.basis.values_derivatives_primitives(s_o)

@@ -227,5 +227,5 @@ def start_formula_error(groups: Groups, s_o: float) -> float:
     force = np.array([a * xp[0], a * yp[0] - groups.sigma])
     load = -groups.mu * np.outer(slope, force)  # (terms, 2)
     printed = np.linalg.solve(sines.mass_matrix(), load).T.ravel() / (3.0 * a)
-    balanced = SystemOverPosition(system).second_derivative_at_start(np.zeros(system.n_dof), s_o)
+    balanced = SystemOverPosition(system).second_derivative_at_rest_start(np.zeros(system.n_dof), s_o)
     return float(np.linalg.norm(balanced - printed) / np.linalg.norm(printed))
