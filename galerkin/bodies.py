@@ -55,13 +55,13 @@ class OnRail(NamedTuple):
 
     def fold_dependent_derivatives(self, K: Array, Z: Array, column: Array) -> None:
         """Add the derivatives by y and its rates to those by x, without the third of Y; K (3, rows, columns)."""
-        _, dx, ddx = Z[:, self.x]
-        _, slope, bend = self.rail.depth_with_derivatives(Z[0, self.x])
-        by = K[..., int(column[self.p[0]])]
+        x, dx, ddx = Z[:, self.x]
+        _, slope, bend = self.rail.depth_with_derivatives(x)
+        by_y, by_dy, by_ddy = K[..., int(column[self.p[0]])]
         at = column[self.x]
-        K[0, :, at] += by[0] * slope + by[1] * bend * dx + by[2] * bend * ddx
-        K[1, :, at] += by[1] * slope + by[2] * 2.0 * bend * dx
-        K[2, :, at] += by[2] * slope
+        K[0, :, at] += by_y * slope + by_dy * bend * dx + by_ddy * bend * ddx
+        K[1, :, at] += by_dy * slope + by_ddy * 2.0 * bend * dx
+        K[2, :, at] += by_ddy * slope
 
 
 class ContactState:

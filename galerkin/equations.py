@@ -139,9 +139,11 @@ class GalerkinSystem(System):
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
-        force, tensions, K = self.cable.force_tensions_and_tangent(x.tables, self._coefficients_by_field(q))
+        force, tensions, stiffness = self.cable.force_tensions_and_tangent(x.tables, self._coefficients_by_field(q))
         self.min_tension_and_position = self.cable.min_tension_and_position(self.basis, x.tables, tensions)
-        return self._residual_at_instant(x, q, v, a, force), lu_solver_overwriting(self._tangent_at_instant(x, K, c))
+        r = self._residual_at_instant(x, q, v, a, force)
+        K = self._tangent_at_instant(x, stiffness, c)
+        return r, lu_solver_overwriting(K)
 
     def _coefficients_by_field(self, y: Array) -> Array:
         """The coefficients (fields, n) of unknowns or rates."""
@@ -190,13 +192,10 @@ class GalerkinSystem(System):
     def _cable_sines(self, rule_behind: Array, rule_ahead: Array) -> kernels.CableSines:
         kink = self.basis if self.kink else KinkedBasis(self.sines, kink=True)
         tables = kink.mass_at_rest, kink.left, kink.chord
-        return kernels.CableSines(self._kernel_constants, rule_behind, rule_ahead, *tables, self.sines.grading)
-
-    @property
-    def _kernel_constants(self) -> kernels.Cable:
         g = self.groups
-        cable = self.cable
-        return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, g.sigma, g.c, self.damping, self.slack_ends)
+        law = self.cable.law
+        cable = kernels.Cable(self.inertia, self.mu, g.alpha, law, g.sigma, g.c, self.damping, self.slack_ends)
+        return kernels.CableSines(cable, rule_behind, rule_ahead, *tables, self.sines.grading)
 
     @property
     def sines(self) -> Fourier:

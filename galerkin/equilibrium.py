@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from galerkin.observe import Measures
 
 
+BATCH = 64  # instants whose forces along the cable are computed at once
+
+
 class Equilibrium(NamedTuple):
     """Internal forces N t at n instants."""
 
@@ -73,19 +76,14 @@ def forces_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibrium
     stations = np.concatenate([[0.0], s[:: 1 + s.size // count], [1.0]])
     force = along(stations)
     static = static_force(cable, stations)
-    T = evaluate_in_batches(lambda k: signed_tension(force(k), static), instants)
+    batches = np.array_split(instants, 1 + instants.size // BATCH)
+    T = np.concatenate([signed_tension(force(k), static) for k in batches])
     left, right = along(ends)(instants).swapaxes(0, 1)
     static_at_mass = static_force(cable, x.inside)
     return Equilibrium(
         behind=behind + static_at_mass, ahead=ahead + static_at_mass, left=left, right=right,
         along=along(s)(frames), strain=strain, min_tension=T.min(axis=1), min_tension_at=stations[T.argmin(axis=1)],
     )  # fmt: skip
-
-
-def evaluate_in_batches(function: Callable[[Array], Array], instants: Array) -> Array:
-    """function(k) (k, ...) for the indices of instants, computed for few at once."""
-    batch = 64  # instants at once
-    return np.concatenate([function(some) for some in np.array_split(instants, 1 + instants.size // batch)])
 
 
 def side_force_and_energy_integrals(x: Measures) -> tuple[Array, Array]:

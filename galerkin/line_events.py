@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 from cablefem.scene.contacts import Contact, MovingLine, lift_off_event_name, meeting_event_name
 from cablefem.shoes import passage_exists_between, possible_passages
@@ -28,9 +29,12 @@ class WatchedEvents:
         names = [contact.name for contact in line.contacts_and_wheels]
         fronts = [k + body.contacts - 1 for k, body in cars.items()]
         between_wheels = [k for k, body in cars.items() if body.contacts > 1]
-        beside = [i for i in range(len(names) - 1) if i in fronts or i + 1 in cars]
-        outer = [i for i in beside if i not in between_wheels]
-        return [i for i in outer if not passage_exists_between(self.passages, names[i], names[i + 1])]
+        segments = []
+        for i, (left, right) in enumerate(pairwise(names)):
+            beside_car = i in fronts or i + 1 in cars
+            if beside_car and i not in between_wheels and not passage_exists_between(self.passages, left, right):
+                segments.append(i)
+        return segments
 
     def _event_names(self, line: MovingLine, cars: Mapping[int, str]) -> tuple[str, ...]:
         """cars : names by contact."""

@@ -70,7 +70,7 @@ class LineSines(System):
         self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
         self.watched = WatchedEvents(line, bodies, self.cars)
         self.events = self.watched.names
-        self.passages = self.watched.passages
+
         self.off_rope = self._cars_off_rope()
         self._acting_off_rope = [car for car in self.off_rope.values() if car.acts_in_rows]
         self._prescribed: dict[tuple[float, int], Array] = {}
@@ -417,7 +417,7 @@ class LineSines(System):
 
     def system_after(self, name: str, x: State) -> tuple[LineSines, State] | None:
         """The line after a car passes an end of a shoe, and its state; None if another event has ended the run."""
-        for passage in self.passages:
+        for passage in self.watched.passages:
             if str(passage) == name:
                 from galerkin.carrying import system_after_passage
 

@@ -188,7 +188,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _take_steps_without_events(
         self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
     ) -> kernels.StepsTaken:
-        ride, sines, kinematics = self._kernel_arguments(State(float(t[0]), start[0], start[1], start[2], phase))
+        q, v, a = start
+        ride, sines, kinematics = self._kernel_arguments(State(float(t[0]), q, v, a, phase))
         return kernels.solve_steps(ride, NO_BOUNDS, sines, np.array([kinematics]), start, rules, newton)
 
     def _take_steps_until_event(
@@ -198,7 +199,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
         drive = self.drive
         if not self.event_free_range_known or t[0] < drive.release:
             return kernels.StepsTaken(0, *NO_STEPS)
-        ride, _, at_start = self._kernel_arguments(State(t[0], start[0], start[1], start[2], phase))
+        q, v, a = start
+        ride, _, at_start = self._kernel_arguments(State(t[0], q, v, a, phase))
         if self.free:
             kinematics = np.array([at_start])
             sines = self._cable_sines_for_reach(at_start, float(rules[:, 0, 1].sum()))
@@ -293,6 +295,8 @@ class HauledCarAtRest(RollingSystem):
     """A hauled car at rest; its last unknown is the haul force."""
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
-        r, derivatives = self._residual_and_derivatives(State(t, q, v, np.append(a[:-1], q[-1]), phase), 3)
+        haul = q[-1]
+        x = State(t, q, v, np.append(a[:-1], haul), phase)
+        r, derivatives = self._residual_and_derivatives(x, 3)
         derivatives[0, :, -1] = derivatives[2, :, -1]
         return r, lu_solver_overwriting(np.tensordot(c, derivatives, 1))

@@ -20,6 +20,9 @@ Array = np.ndarray
 Pair = tuple[float, float]
 
 
+Weights = tuple[float, float, float]  # c0 dr/dq + c1 dr/dv + c2 dr/da
+
+
 class Points(NamedTuple):
     """Quadrature points, and the static cable there."""
 
@@ -28,6 +31,18 @@ class Points(NamedTuple):
     weights: Array  # (m,)
     T: Array  # (m,)
     static_slope: Array  # x', y', (2, m)
+
+
+class PointForce(NamedTuple):
+    """Force, energy and stiffness at a point: k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32)."""
+
+    W: float
+    fx: float  # N t - T t_static
+    fy: float
+    k: float
+    d: float
+    N: float
+    elastic: float  # the tension of the elastic law
 
 
 class Cable(NamedTuple):
@@ -57,13 +72,8 @@ def static_tension_and_slope(s: Array, sigma: float, c: float) -> tuple[Array, A
 
 
 @inner
-def force_energy_and_stiffness_at_point(
-    T: float, static_slope: Pair, w_s: Pair, alpha: float, law: int
-) -> tuple[float, float, float, float, float, float, float]:
-    """N, W, N t - T t_static (2), k, d, and the tension of the elastic law, from X' and w'.
-
-    k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is (k - T) X' + k w', without cancellation.
-    """
+def force_energy_and_stiffness_at_point(T: float, static_slope: Pair, w_s: Pair, alpha: float, law: int) -> PointForce:
+    """From X' and w'; the force is (k - T) X' + k w', without cancellation."""
     xp, yp = static_slope
     ux, vy = w_s
     e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy
@@ -73,7 +83,9 @@ def force_energy_and_stiffness_at_point(
     k = N / stretch
     d = (dN - k) / (stretch * stretch)
     excess = (N - T - T * eps) / stretch
-    return N, W, excess * xp + k * ux, excess * yp + k * vy, k, d, elastic
+    fx = excess * xp + k * ux
+    fy = excess * yp + k * vy
+    return PointForce(W, fx, fy, k, d, N, elastic)
 
 
 @compiled
@@ -85,14 +97,17 @@ def force_energy_and_tangent(T: Array, static_slope: Array, w_s: Array, alpha: f
         yp = static_slope[1, i]
         ux = w_s[0, i]
         vy = w_s[1, i]
-        out[0, i], out[1, i], out[2, i], out[3, i], k, d, out[7, i] = force_energy_and_stiffness_at_point(
-            T[i], (xp, yp), (ux, vy), alpha, law
-        )
+        x = force_energy_and_stiffness_at_point(T[i], (xp, yp), (ux, vy), alpha, law)
         rx = xp + ux
         ry = yp + vy
-        out[4, i] = k + d * rx * rx
-        out[5, i] = d * rx * ry
-        out[6, i] = k + d * ry * ry
+        out[0, i] = x.N
+        out[1, i] = x.W
+        out[2, i] = x.fx
+        out[3, i] = x.fy
+        out[4, i] = x.k + x.d * rx * rx
+        out[5, i] = x.d * rx * ry
+        out[6, i] = x.k + x.d * ry * ry
+        out[7, i] = x.elastic
     return out
 
 
@@ -107,20 +122,19 @@ def set_forces_return_energy(points: Points, Q: Array, cable: Cable, force: Arra
         static_slope = (points.static_slope[0, i], points.static_slope[1, i])
         w_s = (slope[0, i], slope[1, i])
         weight = points.weights[i]
-        _, W, fx, fy, k, d, workspace.tensions[i] = force_energy_and_stiffness_at_point(
-            points.T[i], static_slope, w_s, cable.alpha, cable.law
-        )
+        x = force_energy_and_stiffness_at_point(points.T[i], static_slope, w_s, cable.alpha, cable.law)
+        workspace.tensions[i] = x.elastic
         rx = static_slope[0] + w_s[0]
         ry = static_slope[1] + w_s[1]
-        workspace.gram[0, i] = weight * (k + d * rx * rx)
-        workspace.gram[1, i] = weight * (d * rx * ry)
-        workspace.gram[2, i] = weight * (k + d * ry * ry)
-        slope[0, i] = weight * fx
-        slope[1, i] = weight * fy
+        workspace.gram[0, i] = weight * (x.k + x.d * rx * rx)
+        workspace.gram[1, i] = weight * (x.d * rx * ry)
+        workspace.gram[2, i] = weight * (x.k + x.d * ry * ry)
+        slope[0, i] = weight * x.fx
+        slope[1, i] = weight * x.fy
         side = 0 if points.phi[-1, i] > 0.0 else 1
-        workspace.side_forces[side, 0] += weight * fx
-        workspace.side_forces[side, 1] += weight * fy
-        energy += weight * W
+        workspace.side_forces[side, 0] += slope[0, i]
+        workspace.side_forces[side, 1] += slope[1, i]
+        energy += weight * x.W
     set_product(slope, points.phi, True, force)
     return energy
 
@@ -140,9 +154,13 @@ def set_cosine_integrals(phi: Array, f: Array, dense: Array, rows: Array, sums: 
         c[2 * N] += rows[0, q] * dense[q]
     set_product(rows, phi, True, sums)
     for k in range(1, N + 1):
-        c[2 * N + k] = c[2 * N - k] = sums[0, k - 1] / (k * math.pi)
+        low = sums[0, k - 1] / (k * math.pi)
+        c[2 * N + k] = low
+        c[2 * N - k] = low
     for k in range(1, N + 1):
-        c[3 * N + k] = c[N - k] = 2.0 * sums[1, k - 1] / (k * math.pi) - c[3 * N - k]
+        high = 2.0 * sums[1, k - 1] / (k * math.pi) - c[3 * N - k]
+        c[3 * N + k] = high
+        c[N - k] = high
 
 
 @compiled
@@ -217,9 +235,7 @@ def add_inertia_and_gripping_mass(at_mass: MassTerms, coefficients: Coefficients
 
 
 @inner
-def set_tangent_with_gripping_mass(
-    now: Instant, sines: CableSines, gram: Array, c: tuple[float, float, float], K: Array
-) -> None:
+def set_tangent_with_gripping_mass(now: Instant, sines: CableSines, gram: Array, c: Weights, K: Array) -> None:
     """Set K (2 n, 2 n) to the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass."""
     terms = now.at_mass.inertia
     mu = sines.cable.inertia
@@ -232,9 +248,9 @@ def set_tangent_with_gripping_mass(
         for j in range(2 * n):
             K[i, j] *= c0
         for j in range(n):
-            K[i, first + j] += (c2 + c1 * sines.cable.damping) * terms.mass[k, j] + mu * terms.f[k] * (
-                c2 * terms.f[j] + c1 * terms.f_v[j] + c0 * terms.f_q[j]
-            )
+            of_cable = (c2 + c1 * sines.cable.damping) * terms.mass[k, j]
+            at_mass = c2 * terms.f[j] + c1 * terms.f_v[j] + c0 * terms.f_q[j]
+            K[i, first + j] += of_cable + mu * terms.f[k] * at_mass
         K[i, first + n - 1] += c1 * terms.gyroscopic[k] + c0 * terms.centrifugal[k]
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from galerkin.kernels.cable import Array, add_inertia_and_mass_force, displacement_acceleration_on_path
+from galerkin.kernels.cable import Array, Weights, add_inertia_and_mass_force, displacement_acceleration_on_path
 from galerkin.kernels.dense import set_product
 from galerkin.kernels.instant import (
     CableSines,
@@ -353,7 +353,7 @@ def defect_derivatives_by_forces(inputs: CarInputs, defect: float) -> Array:
 
 @inner
 def set_tangent_row_of_car(
-    now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: tuple[float, float, float]
+    now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: Weights
 ) -> None:
     """Set the car's row of the tangent, last of `Workspace.K`."""
     at_mass = now.at_mass
@@ -400,7 +400,7 @@ def complete_residual_with_car(
 
 @inner
 def complete_tangent_with_car(
-    now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: tuple[float, float, float]
+    now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: Weights
 ) -> None:
     """Set row and column of the car in K of `Workspace`; car : of `complete_residual_with_car`.
 

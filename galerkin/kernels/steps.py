@@ -10,6 +10,7 @@ import numpy as np
 from galerkin.kernels import rolling
 from galerkin.kernels.cable import (
     Array,
+    Weights,
     add_inertia_and_gripping_mass,
     set_forces_return_energy,
     set_tangent_with_gripping_mass,
@@ -30,8 +31,6 @@ from galerkin.law import compiled, inner
 
 if TYPE_CHECKING:
     from cablefem.newmark import Newton
-
-Weights = tuple[float, float, float]  # c0 dr/dq + c1 dr/dv + c2 dr/da
 
 
 class Workspace(NamedTuple):
@@ -168,8 +167,8 @@ def set_residual_return_instant_car_norm(now: Instant, step: Step) -> tuple[Inst
         now = instant_at(step.sines, kinematics)
     car = set_residual_return_car(now, step.ride, step.sines, workspace)
     square = 0.0
-    for i in range(workspace.r.size):
-        square += workspace.r[i] * workspace.r[i]
+    for value in workspace.r:
+        square += value * value
     return now, car, math.sqrt(square)
 
 
