@@ -173,14 +173,16 @@ def cases() -> Iterator[Limit]:
     three = (1e2, 1e3, 1e4)
     four = (*three, 1e5)
     stiff = partial(Limit, refined="stiffness", methods=RIDERS, order=1.0)
-    path = light + "distance from it over l"
-    yield stiff(name=path, values=four, because=stretch, deviation=_relative_distance_from_ellipse)
-    speed = light + "speed over the largest"
-    yield stiff(name=speed, values=four, order=0.5, because=bounces, deviation=_relative_speed_error)
-    means = tension + "mean over a bounce"
-    yield stiff(name=means, values=three, because=stretch, deviation=_relative_tension_error)
-    any_time = tension + "at any time"
-    yield stiff(name=any_time, values=three, because=rings, deviation=at_any_time, expected="disagree")
-    swings = "small swings on a stiff light cable: frequency"
-    masses = partial(stiff, refined="mu", values=(10.0, 100.0, 1000.0))
-    yield masses(name=swings, because=weight, deviation=_relative_swing_period_error)
+    yield stiff(
+        name=light + "distance from it over l", values=four, because=stretch, deviation=_relative_distance_from_ellipse
+    )
+    yield stiff(
+        name=light + "speed over the largest", values=four, order=0.5, because=bounces, deviation=_relative_speed_error
+    )
+    tensions = partial(stiff, values=three, deviation=_relative_tension_error)
+    yield tensions(name=tension + "mean over a bounce", because=stretch)
+    yield tensions(name=tension + "at any time", because=rings, deviation=at_any_time, expected="disagree")
+    yield stiff(
+        name="small swings on a stiff light cable: frequency", refined="mu", values=(10.0, 100.0, 1000.0),
+        because=weight, deviation=_relative_swing_period_error,
+    )  # fmt: skip

@@ -22,7 +22,7 @@ from validation.page.scene_keys import line_inputs_html
 _TEXT = tomllib.loads(read_asset("line.toml"))
 WORDS: dict[str, dict[str, str]] = _TEXT["quantity"]
 RECHECKED = ("laws_si", "printed")  # rows from the TOML alone
-GRID = ("tension_max", "safety_factor", "load", "haul", "rise", "clearance_rope", "clearance_car")
+TABLE_QUANTITIES: list[str] = _TEXT["table"]
 
 
 def base_quantity(name: str) -> str:
@@ -78,8 +78,8 @@ def print_line_summary(
 
 
 def rest_table_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
-    """Columns of a table of lines: varied values, design numbers of GRID, what became of each line."""
-    names = dict.fromkeys(name for row in rows for name in row if base_quantity(name) in GRID)
+    """Columns of a table of lines: varied values, design numbers of TABLE_QUANTITIES, what became of each line."""
+    names = dict.fromkeys(name for row in rows for name in row if base_quantity(name) in TABLE_QUANTITIES)
     return table_columns_with_outcome(rows, keys, {name: _column_heading(name) for name in names})
 
 
