@@ -40,8 +40,9 @@ class TimeWindows:
         count = 12  # frames per window: 0.06 of the travel
         every = min(count, max(1, t.size // 4))
         frames = np.append(t[:-1:every], t[-1:])
-        inner = frames[(frames > begin * (1.0 + ROUNDING)) & (frames < end * (1.0 - ROUNDING))]
-        return cls(frames, np.concatenate([[begin], inner, [end]]))
+        inside = (frames > begin * (1.0 + ROUNDING)) & (frames < end * (1.0 - ROUNDING))
+        steps = np.concatenate([[begin], frames[inside], [end]])
+        return cls(frames, steps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +108,7 @@ class Evidence:
     def rest_curve(self) -> CubicSpline:
         """Points (x, y) at rest over s."""
         f = self.r.fields
-        return CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
+        return CubicSpline(f.s, np.column_stack([f.x, f.y]))
 
     # --- windows -----------------------------------------------------------------------------------------
 
@@ -115,9 +116,9 @@ class Evidence:
     def steps_in_windows_off_supports(self) -> NDArray[np.bool_]:
         """Steps (n,) within the windows at which the car is off the supports."""
         r = self.r
-        t = self.windows.steps
-        off = (r.s_o > ROUNDING * r.length) & (r.s_o < (1.0 - ROUNDING) * r.length)
-        return off & is_within(r.t, t[0], t[-1])
+        off_left = r.s_o > ROUNDING * r.length
+        off_right = r.s_o < (1.0 - ROUNDING) * r.length
+        return off_left & off_right & is_within(r.t, self.windows.steps[0], self.windows.steps[-1])
 
     @cached_property
     def window_frame_indices(self) -> NDArray[np.intp]:
@@ -195,8 +196,8 @@ class Evidence:
     def air_drag_force(self) -> Array:
         """Drag on the car by the TOML (n, 2) [N]."""
         drive = self.data.drive
-        past = self.r.velocity - [drive.get("wind", 0.0), 0.0]
-        return -air_drag_factor(drive) * np.hypot(past[:, 0], past[:, 1])[:, None] * past
+        air = self.r.velocity - [drive.get("wind", 0.0), 0.0]  # velocity relative to the air
+        return -air_drag_factor(drive) * np.hypot(*air.T)[:, None] * air
 
     @cached_property
     def rolling_friction_and_brake_force(self) -> tuple[Array, Array]:
@@ -224,39 +225,45 @@ class Evidence:
         """The rope behind and ahead of the car at each window time, with the car as its last or first node."""
         r = self.r
         f = self.r.fields
-        s_o = f.s_o[self.window_frame_indices]
+        frames = self.window_frame_indices
+        s_o = f.s_o[frames]
         T_static = CubicSpline(f.s, f.T_static)(s_o)
-        points = self.rest_curve(s_o) + np.stack([f.mass_u, f.mass_v], axis=1)[self.window_frame_indices]
-        # dp/dt = r_t + ds_o r' on either side
-        velocities = [
-            self.interpolate_steps(self.window_times, r.velocity - self.travel_speed[:, None] * slope)
-            for slope in (r.slope_behind, r.slope_ahead)
-        ]
+        displacement = np.column_stack([f.mass_u, f.mass_v])[frames]
+        points = self.rest_curve(s_o) + displacement  # (k, 2)
+        velocities = []  # dp/dt = r_t + ds_o r' on either side
+        for slope in (r.slope_behind, r.slope_ahead):
+            at_steps = r.velocity - self.travel_speed[:, None] * slope
+            velocities.append(self.interpolate_steps(self.window_times, at_steps))
+        v_behind, v_ahead = velocities
         pairs = []
-        for i, k in enumerate(self.window_frame_indices):
-            rows = np.stack([f.s, f.x + f.u[k], f.y + f.v[k], f.du[k], f.dv[k], f.T_static, f.T[k]], axis=1)
-            car_behind = np.r_[s_o[i], points[i], velocities[0][i], T_static[i], f.T_behind[k]]  # (7,)
-            car_ahead = np.r_[s_o[i], points[i], velocities[1][i], T_static[i], f.T_ahead[k]]
-            behind = np.vstack([rows[f.s < s_o[i] * (1.0 - ROUNDING)], car_behind])
-            ahead = np.vstack([car_ahead, rows[f.s > s_o[i] * (1.0 + ROUNDING)]])
-            pairs.append((Side.from_rows(behind), Side.from_rows(ahead)))
+        for i, k in enumerate(frames):
+            x = f.x + f.u[k]
+            y = f.y + f.v[k]
+            rows = np.column_stack([f.s, x, y, f.du[k], f.dv[k], f.T_static, f.T[k]])  # (m, 7)
+            car_behind = [s_o[i], *points[i], *v_behind[i], T_static[i], f.T_behind[k]]
+            car_ahead = [s_o[i], *points[i], *v_ahead[i], T_static[i], f.T_ahead[k]]
+            is_behind = f.s < s_o[i] * (1.0 - ROUNDING)
+            is_ahead = f.s > s_o[i] * (1.0 + ROUNDING)
+            behind = Side.from_rows(np.vstack([rows[is_behind], car_behind]))
+            ahead = Side.from_rows(np.vstack([car_ahead, rows[is_ahead]]))
+            pairs.append((behind, ahead))
         return pairs
 
     @cached_property
     def cable_integrals_at_window_times(self) -> CableIntegrals:
-        data = self.data
-
-        def densities(x: Side) -> Array:
-            """Integrands (m, 8) at the nodes of a side."""
-            spin = cross_product(x.points, x.velocity)
-            kinetic = 0.5 * data.rho * np.sum(x.velocity**2, axis=1)
-            strain = (x.T**2 - x.T_static**2) / (2.0 * data.EA)
-            weight = -data.rho * data.gravity * x.points[:, 1]
-            return np.stack([*x.velocity.T, *x.points.T, spin, kinetic, weight, strain], axis=1)
-
         pairs = self.rope_sides_at_window_times
-        integrals = np.array([sum(simpson(densities(x), x=x.s, axis=0) for x in pair) for pair in pairs])
+        integrals = np.array([sum(self._cable_integrals_of(side) for side in pair) for pair in pairs])  # (k, 8)
         return CableIntegrals(integrals[:, :2], integrals[:, 2:4], integrals[:, 4], integrals[:, 5:])
+
+    def _cable_integrals_of(self, side: Side) -> Array:
+        """Integrals (8,) over one side, as in `CableIntegrals`."""
+        data = self.data
+        spin = cross_product(side.points, side.velocity)
+        kinetic = 0.5 * data.rho * np.sum(side.velocity**2, axis=1)
+        weight = -data.rho * data.gravity * side.points[:, 1]
+        strain = (side.T**2 - side.T_static**2) / (2.0 * data.EA)
+        densities = np.column_stack([side.velocity, side.points, spin, kinetic, weight, strain])  # (m, 8)
+        return np.asarray(simpson(densities, x=side.s, axis=0))
 
     # --- energy --------------------------------------------------------------------------------------------
 
@@ -264,10 +271,14 @@ class Evidence:
     def energies_at_window_times(self) -> Array:
         """Kinetic, potential and strain energy of cable and mass (k, 3) [J]; W = (N^2 - T^2)/(2 EA)."""
         r = self.r
-        data = self.data
-        kinetic = 0.5 * data.mass * np.sum(r.velocity**2, axis=1)
-        of_mass = np.stack([kinetic, -data.weight * r.y, np.zeros(r.t.size)], axis=1)  # (n, 3)
+        potential = -self.data.weight * r.y
+        of_mass = np.column_stack([self.kinetic_energy_of_mass, potential, np.zeros(r.t.size)])  # (n, 3)
         return self.interpolate_steps(self.window_times, of_mass) + self.cable_integrals_at_window_times.energies
+
+    @property
+    def kinetic_energy_of_mass(self) -> Array:
+        """(n,) [J]."""
+        return np.asarray(0.5 * self.data.mass * np.sum(self.r.velocity**2, axis=1))
 
     @property
     def energy_scale(self) -> float:
@@ -281,27 +292,36 @@ class Evidence:
         Damping: by the run's kinetic energy; a law checks it.
         """
         r = self.r
-        drive = self.data.drive
-        of_mass = 0.5 * self.data.mass * np.sum(r.velocity**2, axis=1)
-        lost = {}
-        if self.damping_rate:
-            lost["lost_viscous"] = -2.0 * self.damping_rate * (r.kinetic - of_mass)
         if r.drive == "grip":
-            return {"grip": self.grip_power(r.T_behind, r.T_ahead), **lost}
+            powers = {"grip": self.grip_power(r.T_behind, r.T_ahead)}
+        else:
+            powers = self._powers_on_rolling_car()
+        if self.damping_rate:
+            powers["lost_viscous"] = -2.0 * self.damping_rate * (r.kinetic - self.kinetic_energy_of_mass)
+        return powers
+
+    @property
+    def mean_stretch(self) -> Array:
+        """Mean (n,) of |r'| on both sides of the car."""
+        return np.asarray(0.5 * (np.hypot(*self.r.slope_behind.T) + np.hypot(*self.r.slope_ahead.T)))
+
+    def _powers_on_rolling_car(self) -> dict[str, Array]:
+        """Powers (n,) [W] of drive, friction, brakes, drag, and of what holds the car until its release."""
+        r = self.r
+        release = self.data.drive.get("release")
         mean = 0.5 * (r.slope_behind + r.slope_ahead)
-        stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
         along = np.sum(mean * r.velocity, axis=1) / np.hypot(*mean.T)
-        resisting = self.rolling_friction_and_brake_force
-        friction, brakes = (-force * stretch * np.abs(self.travel_speed) for force in resisting)
-        x = np.minimum(r.t / drive["release"], 1.0) if drive.get("release") else np.ones(r.t.size)
+        stretch = self.mean_stretch
+        speed = np.abs(self.travel_speed)
+        friction, brakes = self.rolling_friction_and_brake_force
+        x = np.minimum(r.t / release, 1.0) if release else np.ones(r.t.size)
         holding_force = (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x)
         return {
             "thrust" if r.drive == "free" else "haul": self.thrust_or_haul_force * along,
-            "friction": friction,
-            "brake": brakes,
+            "friction": -friction * stretch * speed,
+            "brake": -brakes * stretch * speed,
             "drag": np.sum(self.air_drag_force * r.velocity, axis=1),
             "hold": holding_force * self.travel_speed,
-            **lost,
         }
 
 

@@ -69,11 +69,10 @@ def law_rows_in_si(
             continue
         worst = _worst_component(law, judged)
         bound = Bound("law", (BoundPart(ladder.finest.method, worst.bar, "coarser runs and sampling"),))
-        yield Agreement(
-            law.quantity, worst.gap, bound, where=None if math.isnan(worst.s_o) else worst.s_o,
-            law="" if name == law.quantity else name, required=tolerance(law.tolerance_kind),
-            decides=bool(law.tolerance_kind), parts=(worst.parts,),
-        )  # fmt: skip
+        where = None if math.isnan(worst.s_o) else worst.s_o
+        row = Agreement(law.quantity, worst.gap, bound, where, decides=bool(law.tolerance_kind), parts=(worst.parts,))
+        shown_name = "" if name == law.quantity else name
+        yield replace(row, law=shown_name, required=tolerance(law.tolerance_kind))
 
 
 class _EvidenceOfLadder:
@@ -108,21 +107,22 @@ def _worst_component(law: Law, judged: _EvidenceOfLadder) -> _WorstComponent:
     space, time = _space_and_time_bars(law, defect, judged)
     time = time + _sampling_bars(law, defect, judged.sparse_steps)  # more steps lessen both
     bars = space + time + _sampling_bars(law, defect, judged.sparse_stations)
-    i = int((defect.rms_or_mean / bars).argmax())
-    return _WorstComponent(
-        gap=float(defect.rms_or_mean[i]),
-        bar=float(bars[i]) if np.isfinite(bars[i]) else math.inf,
-        parts=(float(space[i]), float(time[i])),
-        s_o=float(defect.s_o[np.abs(defect.value[:, i]).argmax()]),
-    )
+    sizes = defect.rms_or_mean
+    i = int((sizes / bars).argmax())
+    bar = float(bars[i]) if np.isfinite(bars[i]) else math.inf
+    largest = np.abs(defect.value[:, i]).argmax()
+    parts = float(space[i]), float(time[i])
+    return _WorstComponent(float(sizes[i]), bar, parts, s_o=float(defect.s_o[largest]))
 
 
 def _space_and_time_bars(law: Law, defect: Defect, judged: _EvidenceOfLadder) -> tuple[Array, Array]:
     """Bars (c,) of a defect in space and time."""
     ladder = judged.ladder
-    defects = {key: (defect if law.exact else law.defect(x)).value for key, x in judged.by_run.items()}
-    space, time = ladder.bars_in_space_and_time(lambda x: defects[id(x)], defect.rms_or_mean_distance, FIRST)
-    space, time = (np.broadcast_to(x, defect.rms_or_mean.shape) for x in (space, time))
+    values = {key: (defect if law.exact else law.defect(x)).value for key, x in judged.by_run.items()}
+    space, time = ladder.bars_in_space_and_time(lambda r: values[id(r)], defect.rms_or_mean_distance, FIRST)
+    components = defect.rms_or_mean.shape
+    space = np.broadcast_to(space, components)
+    time = np.broadcast_to(time, components)
     if law.at_start:
         space = np.maximum(space, SAFETY * ladder.start_gap)
     return space, time
@@ -131,8 +131,9 @@ def _space_and_time_bars(law: Law, defect: Defect, judged: _EvidenceOfLadder) ->
 def _sampling_bars(law: Law, defect: Defect, sparse: tuple[Evidence, Evidence]) -> Array:
     """Bars (c,) of a defect by half and a quarter of what it is computed from."""
     half, quarter = (law.defect(x).value for x in sparse)
-    changes = defect.rms_or_mean_distance(defect.value, half), defect.rms_or_mean_distance(half, quarter)
-    return ROUNDING + error_bar(*changes, (2.0, 2.0), FIRST)
+    change = defect.rms_or_mean_distance(defect.value, half)
+    next_change = defect.rms_or_mean_distance(half, quarter)
+    return ROUNDING + error_bar(change, next_change, (2.0, 2.0), FIRST)
 
 
 DefectOf = Callable[[Evidence], Defect]
@@ -220,9 +221,11 @@ def _window_change_defect(evidence: Evidence, conserved: Array, scale: float, t:
 
     t : (k,) [s], by default the window times.
     """
+    r = evidence.r
     times = evidence.windows.frames if t is None else t
-    s_o = np.interp(times, evidence.r.t, evidence.r.s_o) / evidence.r.length
-    return Defect(0.5 * (s_o[1:] + s_o[:-1]), np.diff(conserved, axis=0) / scale)
+    s_o = np.interp(times, r.t, r.s_o) / r.length
+    middles = 0.5 * (s_o[1:] + s_o[:-1])
+    return Defect(middles, np.diff(conserved, axis=0) / scale)
 
 
 def _window_change_defect_of_steps(evidence: Evidence, conserved: Array, scale: float) -> Defect:
@@ -239,8 +242,9 @@ def cable_ends_at_rest_defect(evidence: Evidence) -> Defect:
     """The cable ends at its supports; over the span."""
     f = evidence.r.fields
     data = evidence.data
-    at_right = f.x[-1] - data.span, f.y[-1] - data.drop
-    return _defect_without_position(*(np.array([f.x[0], f.y[0], *at_right]) / data.span))
+    off_left = [f.x[0], f.y[0]]
+    off_right = [f.x[-1] - data.span, f.y[-1] - data.drop]
+    return _defect_without_position(*(np.array(off_left + off_right) / data.span))
 
 
 @_register_law("length at rest", exact=True)
@@ -249,12 +253,17 @@ def cable_length_at_rest_defect(evidence: Evidence) -> Defect:
     r = evidence.r
     s = r.fields.s
     name, value = evidence.data.prescribed
-    strain_along = CubicSpline(s, r.fields.T_static / evidence.data.EA)
-    strain = strain_along.integrate(s[0], s[-1]) / s[-1]
-    length = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, r.length)
+    length = r.length
+    if name == "length":
+        length = value
+    elif name == "unstretched":
+        strain = CubicSpline(s, r.fields.T_static / evidence.data.EA)
+        mean_strain = strain.integrate(s[0], s[-1]) / s[-1]
+        length = value * (1.0 + mean_strain)
     arc = np.cumsum(_arc_lengths(evidence.rest_curve(s)))
     off_arc = float(np.abs(arc - s[1:]).max())
-    return _defect_without_position(*(np.array([s[0], off_arc, r.length - s[-1], s[-1] - length]) / s[-1]))
+    off = np.array([s[0], off_arc, r.length - s[-1], s[-1] - length])
+    return _defect_without_position(*(off / s[-1]))
 
 
 @_register_law("shape at rest", exact=True)
@@ -262,24 +271,27 @@ def prescribed_sag_or_tension_defect(evidence: Evidence) -> Defect:
     """Sag or horizontal tension as asked for; over itself."""
     name, value = evidence.data.prescribed
     f = evidence.r.fields
+    actual = value
     if name == "sag":
-        below_chord = CubicSpline(f.s, f.y - evidence.data.drop / evidence.data.span * f.x)
-        actual = max([0.0, *below_chord(below_chord.derivative().roots(extrapolate=False)).tolist()])
-    else:
-        actual = evidence.r.horizontal_tension if name == "horizontal_tension" else value
+        slope = evidence.data.drop / evidence.data.span
+        below_chord = CubicSpline(f.s, f.y - slope * f.x)
+        level = below_chord.derivative().roots(extrapolate=False)
+        actual = max([0.0, *below_chord(level).tolist()])
+    elif name == "horizontal_tension":
+        actual = evidence.r.horizontal_tension
     return _defect_without_position(actual / value - 1.0)
 
 
 @_register_law("forces at rest", exact=True)
 def cable_forces_at_rest_defect(evidence: Evidence) -> Defect:
     """T x' = H, over H; T y' falls by rho g per metre, over rho g l."""
-    s = evidence.r.fields.s
+    f = evidence.r.fields
     H = evidence.r.horizontal_tension
     weight = evidence.data.rho * evidence.data.gravity
-    force = evidence.r.fields.T_static[:, None] * evidence.rest_curve(s, 1)
-    off_weight = force[0, 1] - force[:, 1] - weight * s
-    off_H = np.abs(force[:, 0] - H).max() / H
-    return _defect_without_position(off_H, np.abs(off_weight).max() / (weight * s[-1]))
+    force = f.T_static[:, None] * evidence.rest_curve(f.s, 1)  # (m, 2)
+    off_H = np.abs(force[:, 0] - H).max()
+    off_weight = np.abs(force[0, 1] - force[:, 1] - weight * f.s).max()
+    return _defect_without_position(off_H / H, off_weight / (weight * f.s[-1]))
 
 
 # --- travel and drive --------------------------------------------------------------------------------
@@ -288,13 +300,14 @@ def cable_forces_at_rest_defect(evidence: Evidence) -> Defect:
 @_register_law("travel", lambda evidence: evidence.r.drive != "free", exact=True)
 def prescribed_travel_defect(evidence: Evidence) -> Defect:
     """s_o(t) is the travel of the TOML; over the length."""
+    r = evidence.r
     travel = evidence.data.travel
-    l = evidence.r.fields.s[-1]
+    l = r.fields.s[-1]
     if travel["kind"] == "table":
         return _defect_without_position(_largest_gap_to_table(evidence) / l)
-    t = evidence.r.t[evidence.steps_in_windows_off_supports]
-    s = evidence.r.s_o[evidence.steps_in_windows_off_supports]
-    off = s - timetable.positions_at(travel, evidence.data.drive, l, t)
+    steps = evidence.steps_in_windows_off_supports
+    s = r.s_o[steps]
+    off = s - timetable.positions_at(travel, evidence.data.drive, l, r.t[steps])
     worst = np.argmax(np.abs(off))
     return Defect(s[worst, None] / l, off[worst, None, None] / l)
 
@@ -304,14 +317,17 @@ def _largest_gap_to_table(evidence: Evidence) -> float:
     r = evidence.r
     travel = evidence.data.travel
     t = r.t[evidence.steps_in_windows_off_supports]
+    begin = t[0]
+    end = t[-1]
     start = timetable.start_position(travel, evidence.data.drive, r.fields.s[-1])
-    stop = min(t[-1], travel.get("stop", {}).get("time", math.inf))
+    stop = min(end, travel.get("stop", {}).get("time", math.inf))
     off = [0.0]
-    for (a, b), position in zip(pairwise(travel["times"]), travel["positions"][1:], strict=True):
-        piece = (r.t >= a) & (r.t <= b) & (r.t <= t[-1])
-        if piece.sum() >= 4 and t[0] <= b <= stop:
-            at_end = np.polyfit(r.t[piece][-4:] - b, r.s_o[piece][-4:], 3)[-1]  # s_o [m]
-            off.append(at_end - (position + start))
+    for (low, high), position in zip(pairwise(travel["times"]), travel["positions"][1:], strict=True):
+        piece = np.flatnonzero((r.t >= low) & (r.t <= high) & (r.t <= end))
+        if piece.size >= 4 and begin <= high <= stop:
+            last = piece[-4:]
+            cubic = np.polyfit(r.t[last] - high, r.s_o[last], 3)
+            off.append(cubic[-1] - (position + start))
     return float(np.abs(off).max())
 
 
@@ -319,39 +335,53 @@ def _excess_speed_after_stop(evidence: Evidence) -> float:
     """Speed [m/s] beyond `rest_speed` of a stopped car, a mean over the last axial round trip of the run."""
     r = evidence.r
     duration = min(r.t[-1] - r.t[0], evidence.data.round_trip)
-    distance = abs(r.s_o[-1] - np.interp(r.t[-1] - duration, r.t, r.s_o))
-    return max(0.0, distance / duration - 1.01 * evidence.data.drive.get("rest_speed", 1e-3)) if duration else 0.0
+    if not duration:
+        return 0.0
+    before = np.interp(r.t[-1] - duration, r.t, r.s_o)
+    speed = abs(r.s_o[-1] - before) / duration
+    return max(0.0, speed - 1.01 * evidence.data.drive.get("rest_speed", 1e-3))
 
 
 @_register_law("drive", _car_rolls, exact=True)
 def drive_and_event_defect(evidence: Evidence) -> Defect:
     """Start, brakes, arrival and thrust are those of the TOML; over length, time, top speed, thrust."""
     r = evidence.r
-    drive = evidence.data.drive
-    l = evidence.r.fields.s[-1]
-    T = evidence.r.t[-1]
-    times, forces = thrust_times_and_forces(drive)
-    start = timetable.start_position(evidence.data.travel, drive, l)
-    off = [(r.s_o[0] - start) / l]
-    expected = {  # of each event: what is expected where, and the scale of its defect
-        "release": ("t", T, [drive.get("release", 0.0)]), "thrust_end": ("t", T, times[-1:].tolist()),
-        "brake": ("s_o", l, [brake["from"] for brake in drive.get("brake", [])]),
-        "arrival": ("s_o", l, [drive.get("end", {}).get("place", 0.99 * l)]),
-        "back": ("s_o", l, [0.5 * min(start, 0.01 * l)]),
-    }  # fmt: skip
-    for event in r.events:
-        stops = event["event"] == "stop"
-        speed = _excess_speed_after_stop(evidence) if stops else np.interp(event["t"], r.t, r.speed)
-        off.append((np.interp(event["t"], r.t, r.s_o) - event["s_o"]) / l)
-        off.append((speed - event["speed"]) / float(r.speed.max()))
-        column, scale, values = expected.get(event["event"], ("t", 1.0, []))
-        if values:
-            off.append(min(abs(event[column] - value) for value in values) / scale)
+    l = r.fields.s[-1]
+    start = timetable.start_position(evidence.data.travel, evidence.data.drive, l)
+    off = [(r.s_o[0] - start) / l, *_event_gaps(evidence, start)]
+    times, forces = thrust_times_and_forces(evidence.data.drive)
     if r.drive == "free" and forces.any():
-        smooth = np.abs(r.t[:, None] - times).min(axis=1) > 1e-6 * T
+        smooth = np.abs(r.t[:, None] - times).min(axis=1) > 1e-6 * r.t[-1]
         off_thrust = np.abs(r.F_haul - evidence.thrust_or_haul_force)[smooth]
         off.append(off_thrust.max() / float(np.abs(forces).max()))
     return _defect_without_position(float(np.abs(off).max()))
+
+
+def _event_gaps(evidence: Evidence, start: float) -> list[float]:
+    """Gaps of events in position and speed to the run, and to the TOML; over length, top speed and duration."""
+    r = evidence.r
+    drive = evidence.data.drive
+    l = r.fields.s[-1]
+    thrust_times, _ = thrust_times_and_forces(drive)
+    times = {"release": [drive.get("release", 0.0)], "thrust_end": thrust_times[-1:].tolist()}
+    positions = {  # [m] one of which is that of the event
+        "brake": [brake["from"] for brake in drive.get("brake", [])],
+        "arrival": [drive.get("end", {}).get("place", 0.99 * l)],
+        "back": [0.5 * min(start, 0.01 * l)],
+    }
+    gaps = []
+    for event in r.events:
+        kind = event["event"]
+        t = event["t"]
+        s_o = event["s_o"]
+        speed = np.interp(t, r.t, r.speed)
+        if kind == "stop":
+            speed = _excess_speed_after_stop(evidence)
+        gaps.append((np.interp(t, r.t, r.s_o) - s_o) / l)
+        gaps.append((speed - event["speed"]) / float(r.speed.max()))
+        gaps.extend(sorted(abs(t - x) / r.t[-1] for x in times.get(kind, []))[:1])
+        gaps.extend(sorted(abs(s_o - x) / l for x in positions.get(kind, []))[:1])
+    return gaps
 
 
 def _starts_off_supports(evidence: Evidence) -> bool:
@@ -378,7 +408,7 @@ def position_less_displacement_defect(evidence: Evidence) -> Defect:
     """p = X(s_o) + w; over the largest deflection."""
     r = evidence.r
     k = evidence.steps_in_windows_off_supports
-    at_rest = np.stack([r.x - r.u, r.y - r.v], axis=1)[k]
+    at_rest = np.column_stack([r.x - r.u, r.y - r.v])[k]
     off = at_rest - evidence.rest_curve(r.s_o[k])
     return _defect_without_position(float(np.abs(off).max()) / r.max_deflection)
 
@@ -392,17 +422,20 @@ def pointwise_tension_at_mass_defect(evidence: Evidence) -> Defect:
     T = CubicSpline(f.s, f.T_static)(r.s_o[k])
     off = []
     for slope, stored in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
-        N = T + evidence.data.EA * (np.hypot(*slope[k].T) - 1.0)
-        off.append(stored[k] - np.where(_excludes_compression_at(r, r.t[k]), np.maximum(N, 0.0), N))
-    return _defect_without_position(*(np.abs(np.array(off)).max(axis=1) / r.horizontal_tension))
+        strain = np.hypot(*slope[k].T) - 1.0
+        N = T + evidence.data.EA * strain
+        N = np.where(_excludes_compression_at(r, r.t[k]), np.maximum(N, 0.0), N)
+        off.append(np.abs(stored[k] - N).max())
+    return _defect_without_position(*(np.array(off) / r.horizontal_tension))
 
 
 @_register_law("speed of the mass")
 def mass_path_from_velocity_defect(evidence: Evidence) -> Defect:
     """The mass moves by the integral of its velocity; over top speed times window."""
     r = evidence.r
-    conserved = np.stack([r.x, r.y], axis=1) - evidence.cumulative_time_integral(r.velocity)
-    return _window_change_defect_of_steps(evidence, conserved, float(r.speed.max()) * evidence.mean_window_duration)
+    conserved = np.column_stack([r.x, r.y]) - evidence.cumulative_time_integral(r.velocity)
+    distance = float(r.speed.max()) * evidence.mean_window_duration
+    return _window_change_defect_of_steps(evidence, conserved, distance)
 
 
 def _mass_momentum_defect(evidence: Evidence, rope_force: Array) -> Defect:
@@ -411,8 +444,8 @@ def _mass_momentum_defect(evidence: Evidence, rope_force: Array) -> Defect:
     weight = evidence.data.weight
     force = rope_force + weight * DOWN
     if r.drive != "grip":
-        mean = r.slope_behind + r.slope_ahead
-        drive = evidence.thrust_or_haul_force[:, None] * mean / np.hypot(*mean.T)[:, None]  # (n, 2)
+        mean = r.slope_behind + r.slope_ahead  # (n, 2)
+        drive = evidence.thrust_or_haul_force[:, None] * mean / np.hypot(*mean.T)[:, None]
         force = force + drive + evidence.air_drag_force
     conserved = evidence.data.mass * r.velocity - evidence.cumulative_time_integral(force)
     return _window_change_defect_of_steps(evidence, conserved, weight * evidence.mean_window_duration)
@@ -427,14 +460,15 @@ def mass_momentum_by_contact_defect(evidence: Evidence) -> Defect:
 @_register_law("impulse", quantity="impulse")
 def mass_momentum_by_tensions_defect(evidence: Evidence) -> Defect:
     """M (v_2 - v_1) by the force [ N t - rho ds_o^2 r' ] of both tensions; over M g times window."""
-
     r = evidence.r
+    inertial = evidence.data.rho * evidence.travel_speed**2  # (n,)
 
     def momentum_flux(T: Array, slope: Array) -> Array:
-        return (T / np.hypot(*slope.T) - evidence.data.rho * evidence.travel_speed**2)[:, None] * slope
+        return (T / np.hypot(*slope.T) - inertial)[:, None] * slope
 
+    behind = momentum_flux(r.T_behind, r.slope_behind)
     ahead = momentum_flux(r.T_ahead, r.slope_ahead)
-    return _mass_momentum_defect(evidence, ahead - momentum_flux(r.T_behind, r.slope_behind))
+    return _mass_momentum_defect(evidence, ahead - behind)
 
 
 @_register_law("tension on both sides", _car_rolls)
@@ -445,12 +479,13 @@ def rolling_car_tension_jump_defect(evidence: Evidence) -> Defect:
     """
     r = evidence.r
     data = evidence.data
-    jump = (r.T_ahead - r.T_behind) * (1.0 - data.rho * evidence.travel_speed**2 / data.EA)
+    ds = evidence.travel_speed
+    jump = (r.T_ahead - r.T_behind) * (1.0 - data.rho * ds**2 / data.EA)
     resistance = np.sum(evidence.rolling_friction_and_brake_force, axis=0)
     slowest = 0.05  # of the top speed: below it friction's direction is not checked
-    rolls = np.abs(evidence.travel_speed) > slowest * np.abs(evidence.travel_speed).max()
-    of_slow = np.sign(jump) * np.maximum(np.abs(jump) - resistance, 0.0)
-    defect = np.where(rolls, jump + resistance * np.sign(evidence.travel_speed), of_slow)  # (n,)
+    rolls = np.abs(ds) > slowest * np.abs(ds).max()
+    beyond = np.maximum(np.abs(jump) - resistance, 0.0)
+    defect = np.where(rolls, jump + resistance * np.sign(ds), np.sign(jump) * beyond)  # (n,)
     released = r.t >= data.drive.get("release", 0.0)
     impulse = evidence.cumulative_time_integral(np.where(released, defect, 0.0)[:, None])
     return _window_change_defect_of_steps(evidence, impulse, data.weight * evidence.mean_window_duration)
@@ -487,28 +522,30 @@ def min_tension_steps_vs_frames_defect(evidence: Evidence) -> Defect:
 def slack_onset_defect(evidence: Evidence) -> Defect:
     """The smallest tension falls through zero where slack begins, and in the window not before.
 
-    See `_slack_onset_offset`; within two steps.
+    See `_slack_distance_past`; within two steps.
     """
     r = evidence.r
     steps = evidence.steps_in_windows_off_supports & (r.t > 0.0)
     last = int(np.flatnonzero(steps)[-1])
     end = float(r.t[last])
     steps[last : last + 3] = True
-    offset = _slack_onset_offset(r, min(r.slack_time_or_inf, end), steps)
+    late = _slack_distance_past(min(r.slack_time_or_inf, end), r, steps)
+    off = abs(late) if r.slack_time_or_inf <= end else -late
     two_steps = 2.0 * float(np.abs(np.diff(r.s_o)).max()) / r.length
-    return _defect_without_position(max(0.0, (abs(offset) if r.slack_time_or_inf <= end else -offset) - two_steps))
+    return _defect_without_position(max(0.0, off - two_steps))
 
 
-def _slack_onset_offset(r: Response, t: float, steps: NDArray[np.bool_]) -> float:
-    """How much later than at time t the tension of these steps (n,) falls through zero, in s_o/l; negative: earlier.
+def _slack_distance_past(t: float, r: Response, steps: NDArray[np.bool_]) -> float:
+    """How far, in s_o/l, after time t the tension of these steps (n,) falls through zero; negative: before.
 
     See `scene_data.ordinate_on_unit_slope`, of the smallest tension so far.
     """
     position = np.maximum.accumulate(r.s_o) / r.length
+    start = float(np.interp(t, r.t, position))
     # zero is the tension of a law without compression, whose rope would be deeper
-    tension = np.where(r.tension_min == 0.0, -1.0, r.tension_min / r.horizontal_tension)[steps]
-    smallest = np.minimum.accumulate(tension)
-    return ordinate_on_unit_slope(position[steps], smallest, float(np.interp(t, r.t, position)))
+    tension = np.where(r.tension_min == 0.0, -1.0, r.tension_min / r.horizontal_tension)
+    smallest = np.minimum.accumulate(tension[steps])
+    return ordinate_on_unit_slope(position[steps], smallest, start)
 
 
 @_register_law("fields at the mass")
@@ -516,31 +553,38 @@ def mass_displacement_frames_vs_steps_defect(evidence: Evidence) -> Defect:
     """Displacement of the mass at frames is that at steps; over the largest deflection."""
     r = evidence.r
     f = evidence.r.fields
-    steps = CubicSpline(r.t, np.stack([r.s_o, r.u, r.v], axis=1))(evidence.window_times)
-    off = np.stack([f.s_o, f.mass_u, f.mass_v], axis=1)[evidence.window_frame_indices] - steps
+    at_steps = CubicSpline(r.t, np.column_stack([r.s_o, r.u, r.v]))(evidence.window_times)
+    at_frames = np.column_stack([f.s_o, f.mass_u, f.mass_v])[evidence.window_frame_indices]
+    off = at_frames - at_steps
     return _defect_at_window_times(evidence, off / r.max_deflection)
 
 
-def _values_and_extrapolation_gaps(evidence: Evidence, field_of_side: Callable[[Side], Array]) -> tuple[Array, ...]:
-    """A field (m,) or (m, c) at the mass, and its gap to the extrapolation from either side; (k, 2 c).
+class _FieldAtMass(NamedTuple):
+    """A field of c components at the mass at window times, of the side behind and of that ahead.
 
     Both are zero at times at which it cannot be extrapolated.
     """
-    at_all_times = []
+
+    values: Array  # (k, 2 c)
+    gaps: Array  # (k, 2 c), to the extrapolation from either side
+
+
+def _field_at_mass(evidence: Evidence, field_of_side: Callable[[Side], Array]) -> _FieldAtMass:
+    """The field (m,) or (m, c) of a side at the mass, and how continuous it is there."""
+    values = []
+    gaps = []
     for sides in evidence.rope_sides_at_window_times:
         can_extrapolate = _can_extrapolate_to_mass(sides)
-        values = []
-        gaps = []
         for side, order in zip(sides, (-1, 1), strict=True):
-            s = side.s[::order][:3]
-            y = field_of_side(side)[::order][:3]  # from the mass on
+            s = side.s[::order][:3]  # from the mass on
+            y = field_of_side(side)[::order][:3]
             extrapolated = 0.0 * y[0]
             if can_extrapolate:
                 extrapolated = y[1] + (y[1] - y[2]) * (s[0] - s[1]) / (s[1] - s[2])
             values.append(can_extrapolate * y[0])
             gaps.append(can_extrapolate * y[0] - extrapolated)
-        at_all_times.append((values, gaps))
-    return tuple(np.reshape(x, (len(at_all_times), -1)) for x in zip(*at_all_times, strict=True))
+    shape = len(evidence.rope_sides_at_window_times), -1
+    return _FieldAtMass(np.reshape(values, shape), np.reshape(gaps, shape))
 
 
 @_register_law("tension up to the mass", _can_extrapolate_at_any_frame)
@@ -549,9 +593,9 @@ def tension_continuity_at_mass_defect(evidence: Evidence) -> Defect:
     moving = evidence.window_times > 0.0
     if not moving.any():
         return NOT_OBSERVED
-    _, off = _values_and_extrapolation_gaps(evidence, lambda side: side.T)
-    s_o = evidence.r.fields.s_o[evidence.window_frame_indices] / evidence.r.length
-    return Defect(s_o[moving], off[moving] / evidence.r.horizontal_tension, averaged=True)
+    off = _field_at_mass(evidence, lambda side: side.T).gaps
+    defect = _defect_at_window_times(evidence, off / evidence.r.horizontal_tension)
+    return Defect(defect.s_o[moving], defect.value[moving], averaged=True)
 
 
 @_register_law("up to the mass", _can_extrapolate_at_any_frame, quantity="velocity", tolerance_kind="")
@@ -559,30 +603,31 @@ def velocity_continuity_at_mass_defect(evidence: Evidence) -> Defect:
     """Velocity of the cable tends to that at the mass; over its rms."""
     if not np.any(evidence.window_times > 0.0):
         return NOT_OBSERVED
-    at_mass, off = _values_and_extrapolation_gaps(evidence, lambda side: side.velocity)
-    size = np.sqrt(np.mean(at_mass**2, axis=0))
-    return _defect_at_window_times(evidence, off / size) if np.all(size > 0.0) else NOT_OBSERVED
+    velocity = _field_at_mass(evidence, lambda side: side.velocity)
+    size = np.sqrt(np.mean(velocity.values**2, axis=0))
+    return _defect_at_window_times(evidence, velocity.gaps / size) if np.all(size > 0.0) else NOT_OBSERVED
 
 
 @_register_law("displacement from velocity", _frames_resolve_waves, quantity="velocity", tolerance_kind="velocity")
 def displacement_from_velocity_defect(evidence: Evidence) -> Defect:
     """Transverse displacement, weighted by half a sine, is the integral of its velocity; over its rms."""
     f = evidence.r.fields
-    tangent = evidence.rest_curve(f.s, 1)
+    tangent = evidence.rest_curve(f.s, 1)  # (m, 2)
     sine = np.sin(math.pi / f.s[-1] * f.s)
     w = (tangent[:, 0] * f.v - tangent[:, 1] * f.u) @ sine  # (frames,)
     dw = (tangent[:, 0] * f.dv - tangent[:, 1] * f.du) @ sine
     # a station at the mass has the velocity behind it: the mean of both sides counts
     at = np.searchsorted(f.s, f.s_o * (1.0 - ROUNDING)).clip(max=f.s.size - 1)
+    at_station = np.abs(f.s[at] - f.s_o) <= ROUNDING * f.s[-1]
     kink = evidence.r.slope_behind - evidence.r.slope_ahead
     jump = evidence.interpolate_steps(f.t, evidence.travel_speed[:, None] * kink)
-    missing = 0.5 * sine[at] * (tangent[at, 0] * jump[:, 1] - tangent[at, 1] * jump[:, 0])
-    dw += np.where(np.abs(f.s[at] - f.s_o) <= ROUNDING * f.s[-1], missing, 0.0)
+    missing = 0.5 * sine[at] * cross_product(tangent[at], jump)
+    dw += np.where(at_station, missing, 0.0)
     conserved = w - CubicSpline(f.t, dw).antiderivative()(f.t)
     k = evidence.window_frame_indices
     within = dw[k[0] : k[-1] + 1]
-    scale = math.sqrt(float(np.mean(within**2))) * evidence.mean_window_duration
-    return _window_change_defect(evidence, conserved[k, None], scale)
+    rms = math.sqrt(float(np.mean(within**2)))
+    return _window_change_defect(evidence, conserved[k, None], rms * evidence.mean_window_duration)
 
 
 @_register_law("stretch")
@@ -598,14 +643,16 @@ def tension_from_stretch_defect(evidence: Evidence) -> Defect:
 
 def _mean_tensions_less_stretch(side: Side, EA: float, in_halves: bool) -> list[float]:
     """Mean tension [N] over that at rest less EA times the mean strain of the curve, of a side or of its halves."""
-    steps = np.diff(side.s)
+    s = side.s
+    steps = np.diff(s)
     N = side.T - side.T_static
-    stretched = _arc_lengths(side.points) - steps
-    missing = 0.5 * steps * (N[1:] + N[:-1]) - EA * stretched
+    elongation = _arc_lengths(side.points) - steps
+    missing = 0.5 * steps * (N[1:] + N[:-1]) - EA * elongation
     missing = np.append(0.0, np.cumsum(missing))
-    middle = np.searchsorted(side.s, 0.5 * (side.s[0] + side.s[-1]))
-    cuts = np.array([0, middle, side.s.size - 1] if in_halves else [0, side.s.size - 1])
-    return (np.diff(missing[cuts]) / np.diff(side.s[cuts])).tolist()
+    cuts = [0, s.size - 1]
+    if in_halves:
+        cuts.insert(1, int(np.searchsorted(s, 0.5 * (s[0] + s[-1]))))
+    return (np.diff(missing[cuts]) / np.diff(s[cuts])).tolist()
 
 
 @_register_law("momentum of the cable")
@@ -629,7 +676,8 @@ def cable_angular_momentum_defect(evidence: Evidence) -> Defect:
     data = evidence.data
     weight = data.rho * data.gravity
     right = np.array([data.span, data.drop])
-    moment = cross_product(right, r.reaction_right) + cross_product(np.stack([r.x, r.y], axis=1), r.contact)
+    car = np.column_stack([r.x, r.y])
+    moment = cross_product(right, r.reaction_right) + cross_product(car, r.contact)
     own = weight * evidence.lever_integral
     spin = evidence.cable_integrals_at_window_times.spin
     if evidence.damping_rate:
@@ -649,8 +697,9 @@ def _total_power(powers: dict[str, Array]) -> Array:
 @_register_law("energy", quantity="energy")
 def energy_balance_defect(evidence: Evidence) -> Defect:
     """Energy of cable and mass changes by the work of the drive, until slack: a snapping cable loses some."""
-    work = evidence.integral_up_to_window_times(_total_power(evidence.powers_by_source)[:, None])
-    conserved = evidence.energies_at_window_times.sum(axis=1)[:, None] - work
+    power = _total_power(evidence.powers_by_source)[:, None]
+    energy = evidence.energies_at_window_times.sum(axis=1)[:, None]
+    conserved = energy - evidence.integral_up_to_window_times(power)
     defect = _window_change_defect(evidence, conserved, evidence.energy_scale)
     taut = evidence.window_times[1:] <= evidence.r.slack_time_or_inf
     return Defect(defect.s_o, np.where(taut[:, None], defect.value, 0.0))
@@ -683,5 +732,7 @@ def _arc_lengths(points: Array) -> Array:
     """Arc lengths between nodes (m, 2): chord times 1 + (bend of the tangent)^2/24."""
     chord = np.diff(points, axis=0)
     length = np.hypot(*chord.T)
-    bend = np.gradient(chord / length[:, None], axis=0) if len(chord) > 1 else np.zeros((1, 2))
+    bend = np.zeros_like(chord)
+    if len(chord) > 1:
+        bend = np.gradient(chord / length[:, None], axis=0)
     return np.asarray(length * (1.0 + np.sum(bend**2, axis=1) / 24.0))
