@@ -25,11 +25,11 @@ import numpy as np
 from cablefem.response import Array
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.readback import limit_faults, limit_table_faults, plain_text
-from validation.core.scene_data import ROUNDING, LineData, si_factor
+from validation.core.scene_data import GROUND, ROUNDING, LineData, obstacle_and_ground_profiles, si_factor
 
 DOWN = np.array([0.0, 1.0])
 LOWEST = -1e-6  # [m] least clearance of what touches
-GROUND = "the ground"
+ANGLES = ("knee", "knee_empty", "direction")
 LENGTHS = ("x", "depth", "rope_over", "rise", "shift", "sag", "clearance_rope", "clearance_car")
 PositionNumbers = dict[str, Any]  # by name: a value, a word or None
 Extremes = Mapping[str, tuple[float, float]]  # smallest and largest value
@@ -90,8 +90,7 @@ class LineAtRest(LineData):
         data = self.data
         cable = data["cable"]
         self.cars: list[dict[str, Any]] = data.get("car", [])
-        self.tops = {o["name"]: np.array([[o["at"], o["top"]]]) for o in data.get("obstacle", [])}
-        self.ground = np.array(data.get("ground", []), float).reshape(-1, 2)
+        self.profiles = obstacle_and_ground_profiles(data)
         self.length: float | None = cable.get("length")
         self.prescribed_tension: dict[str, Any] | None = cable.get("tension")
         self.breaking_load: float | None = cable.get("breaking_load")
@@ -104,9 +103,12 @@ class LineAtRest(LineData):
         return float(at[position if at.size > 1 else 0])
 
     def saddle_under_car(self, car: dict[str, Any], position: int) -> dict[str, Any] | None:
-        """The saddle on whose shoe a car rests at a position."""
+        """The saddle on whose shoe a car rests at a position; None of a car on the rope."""
         x = self.x_of_car(car, position)
-        return next((c for c in self.contacts if abs(x - c["at"][0]) <= c.get("shoe", -1.0)), None)
+        for contact in self.contacts:
+            if abs(x - contact["at"][0]) <= contact.get("shoe", -1.0):
+                return contact
+        return None
 
     def contact_stations(self) -> list[Station]:
         """Stations of the empty line, in order of x."""
@@ -115,10 +117,13 @@ class LineAtRest(LineData):
 
     def stations_at_position(self, i: int, cars_on_rope_at_x: Mapping[str, float] | None = None) -> list[Station]:
         """Stations with the cars at position i; cars_on_rope_at_x : of cars that a shoe does not carry."""
-        hanging = [car for car in self.cars if self.saddle_under_car(car, i) is None]
-        x_of_name = {car["name"]: self.x_of_car(car, i) for car in hanging} | dict(cars_on_rope_at_x or {})
-        cars = [car for car in self.cars if car["name"] in x_of_name]
-        stations = [*self.contact_stations(), *(self._station_of_car(car, x_of_name[car["name"]]) for car in cars)]
+        on_rope = dict(cars_on_rope_at_x or {})
+        stations = self.contact_stations()
+        for car in self.cars:
+            if car["name"] in on_rope:
+                stations.append(self._station_of_car(car, on_rope[car["name"]]))
+            elif self.saddle_under_car(car, i) is None:
+                stations.append(self._station_of_car(car, self.x_of_car(car, i)))
         return sorted(stations, key=lambda station: station.x)
 
     def _station_of_car(self, car: dict[str, Any], x: float) -> Station:
@@ -154,7 +159,8 @@ class RopeAtRest:
         P1 = P - self.q * S
         N = np.hypot(H, P)
         N1 = np.hypot(H, P1)
-        x = self.heat * (H * S / self.EA + H / self.q * (np.arcsinh(P / H) - np.arcsinh(P1 / H)))
+        turned = np.arcsinh(P / H) - np.arcsinh(P1 / H)
+        x = self.heat * (H * S / self.EA + H / self.q * turned)
         y = self.heat * ((P * S - 0.5 * self.q * S**2) / self.EA + (N - N1) / self.q)
         return self.points[k, 0] + x, self.points[k, 1] + y, N1
 
@@ -171,25 +177,32 @@ class RopeAtRest:
         s = 0.5 * (low + high)
         for _ in range(3):
             x_s, _, N = self.points_and_tension_at_s(s)
-            s = s - (x_s - x) / (self.heat * self.ahead[k, 0] * (1.0 / N + 1.0 / self.EA))
+            dx_ds = self.heat * self.ahead[k, 0] * (1.0 / N + 1.0 / self.EA)
+            s = s - (x_s - x) / dx_ds
         _, y, N = self.points_and_tension_at_s(s)
         return y, N
 
     def points_closest_to_slope(self, slope: float) -> Array:
         """Points x, y (n - 1, 2) where each piece has a slope dy/dx, or where it comes closest to that."""
         H, P = self.ahead[:-1].T
-        s = self.s[:-1] + np.clip((P - slope * H) / self.q, 0.0, np.diff(self.s))
-        # the end of a piece, not the begin of the next one
-        x, y, _ = self.points_and_tension_at_s(np.minimum(s, np.nextafter(self.s[1:], -math.inf)))
-        return np.stack([x, y], axis=1)
+        from_begin = np.clip((P - slope * H) / self.q, 0.0, np.diff(self.s))
+        s = np.minimum(self.s[:-1] + from_begin, self.ends_of_pieces)
+        x, y, _ = self.points_and_tension_at_s(s)
+        return np.column_stack([x, y])
+
+    @property
+    def ends_of_pieces(self) -> Array:
+        """s (n - 1,) just before the ends of pieces, where the next one does not begin."""
+        return np.nextafter(self.s[1:], -math.inf)
 
     @property
     def tension_min(self) -> float:
         """Smallest tension [N]: distance of the origin from the lines that the force follows along the pieces."""
         start = self.ahead[:-1]  # (n - 1, 2)
         change = self.behind[1:] - start
-        share = np.clip(-np.sum(start * change, axis=1) / np.sum(change**2, axis=1), 0.0, 1.0)
-        return float(np.linalg.norm(start + share[:, None] * change, axis=1).min())
+        share = -np.sum(start * change, axis=1) / np.sum(change**2, axis=1)
+        nearest = start + np.clip(share, 0.0, 1.0)[:, None] * change
+        return float(np.linalg.norm(nearest, axis=1).min())
 
 
 def _ropes_of_all_states(data: LineAtRest, rest: StatesAtRest) -> Iterator[tuple[str, RopeAtRest]]:
@@ -204,12 +217,15 @@ def _ropes_of_all_states(data: LineAtRest, rest: StatesAtRest) -> Iterator[tuple
 
 def _ropes_at_shoe_ends(data: LineAtRest, rest: StatesAtRest, position: int, car_name: str) -> list[RopeAtRest]:
     """Both states with a car at an end of the shoe that carries it."""
-    saddle = data.saddle_under_car(next(car for car in data.cars if car["name"] == car_name), position)
+    car = next(car for car in data.cars if car["name"] == car_name)
+    saddle = data.saddle_under_car(car, position)
     assert saddle is not None
-    ends = (saddle["at"][0] - saddle["shoe"], saddle["at"][0] + saddle["shoe"])
-    states = rest.shoe_ends[position, car_name]
-    stations = [data.stations_at_position(position, {car_name: x}) for x in ends]
-    return [RopeAtRest(data, *pair) for pair in zip(states, stations, strict=True)]
+    top = saddle["at"][0]
+    ropes = []
+    for x, state in zip((top - saddle["shoe"], top + saddle["shoe"]), rest.shoe_ends[position, car_name], strict=True):
+        stations = data.stations_at_position(position, {car_name: x})
+        ropes.append(RopeAtRest(data, state, stations))
+    return ropes
 
 
 class LargestGaps:
@@ -244,8 +260,9 @@ def statics_law_rows(toml: str, rest: StatesAtRest) -> Iterator[Agreement]:
     """One row for each law of statics: its largest defect over all states of a line."""
     data = LineAtRest(toml)
     gaps = LargestGaps()
+    empty_length = float(np.ptp(rest.empty.s))
     for where, rope in _ropes_of_all_states(data, rest):
-        defects = [*_defects_of_pieces(data, rope, float(np.ptp(rest.empty.s))), *_defects_of_stations(rope)]
+        defects = [*_defects_of_pieces(data, rope, empty_length), *_defects_of_stations(rope)]
         prescribed = data.prescribed_tension
         if where == "empty" and prescribed is not None:
             tension = float(np.nanmax(rope.tensions[:, rope.station_index(prescribed["at"])]))
@@ -260,8 +277,8 @@ def _defects_of_pieces(data: LineAtRest, rope: RopeAtRest, empty_length: float) 
     S = np.diff(rope.s)
     weight = rope.q * S[:, None] * DOWN  # (n - 1, 2)
     yield "weight of each piece", (rope.behind[1:] - rope.ahead[:-1] + weight) / rope.tension_max
-    x, y, _ = rope.points_and_tension_at_s(np.nextafter(rope.s[1:], -math.inf))
-    yield "shape and stretch", (np.stack([x, y], axis=1) - rope.points[1:]) / rope.reach
+    x, y, _ = rope.points_and_tension_at_s(rope.ends_of_pieces)
+    yield "shape and stretch", (np.column_stack([x, y]) - rope.points[1:]) / rope.reach
     if not any(c["kind"] == "counterweight" for c in data.contacts):
         length = data.length or empty_length
         yield "unstretched length", (np.ptp(rope.s) - length) / length
@@ -270,7 +287,8 @@ def _defects_of_pieces(data: LineAtRest, rope: RopeAtRest, empty_length: float) 
 def _defects_of_stations(rope: RopeAtRest) -> Iterator[tuple[str, Any]]:
     """Laws of contacts and cars, and of all forces together, with their defects."""
     T = rope.tension_max
-    total = rope.behind[-1] - rope.ahead[0] + rope.q * np.ptp(rope.s) * DOWN
+    weight = rope.q * np.ptp(rope.s) * DOWN
+    total = rope.behind[-1] - rope.ahead[0] + weight
     force = np.zeros_like(rope.ahead)  # of the rope on inner stations (n, 2)
     force[1:-1] = rope.ahead[1:-1] - rope.behind[1:-1]
     for k, station in enumerate(rope.stations):
@@ -278,9 +296,10 @@ def _defects_of_stations(rope: RopeAtRest) -> Iterator[tuple[str, Any]]:
         data = station.data
         off = rope.points[k] - [station.x, station.y]
         if station.weight:
-            mean = rope.ahead[k] + rope.behind[k]
-            haul = rope.haul[k] * mean / np.linalg.norm(mean) if station.kind == "hauled" else 0.0
-            load = station.weight * DOWN + haul
+            load = station.weight * DOWN
+            if station.kind == "hauled":
+                mean = rope.ahead[k] + rope.behind[k]
+                load = load + rope.haul[k] * mean / np.linalg.norm(mean)
             yield "balance of cars", (force[k] + load) / T
             total = total + load
             off = off[:1]
@@ -306,8 +325,10 @@ def _defects_of_stations(rope: RopeAtRest) -> Iterator[tuple[str, Any]]:
 def numbers_by_position(toml: str, rest: StatesAtRest) -> list[PositionNumbers | None]:
     """The numbers of each position, named as in positions.csv; None without rest."""
     data = LineAtRest(toml)
-    positions = range(len(rest.positions))
-    return [_numbers_at_position(data, rest, i) if i in rest.states else None for i in positions]
+    numbers: list[PositionNumbers | None] = [None] * len(rest.positions)
+    for i in rest.states:
+        numbers[i] = _numbers_at_position(data, rest, i)
+    return numbers
 
 
 def _numbers_at_position(data: LineAtRest, rest: StatesAtRest, position: int) -> PositionNumbers:
@@ -325,11 +346,10 @@ def _numbers_at_position(data: LineAtRest, rest: StatesAtRest, position: int) ->
     row["tension_min"] = rope.tension_min
     if data.breaking_load is not None:
         row["safety_factor"] = data.breaking_load / rope.tension_max
-    for name, [[x, top]] in data.tops.items():
-        row[f"clearance_rope:{name}"] = float(top - rope.depth_and_tension_at_x(np.array([x]))[0][0])
-    height = _min_height_over_ground(data.ground, rope)
-    if height is not None:
-        row[f"clearance_rope:{GROUND}"] = height
+    for name, profile in data.profiles.items():
+        height = _min_height_of_rope(rope, profile)
+        if height is not None:
+            row[f"clearance_rope:{name}"] = height
     return row
 
 
@@ -341,24 +361,26 @@ def _numbers_at_car(
     x = data.x_of_car(car, position)
     saddle = data.saddle_under_car(car, position)
     row: PositionNumbers = {f"x:{name}": x, f"on:{name}": None}
-    forces: dict[str, float | None] = {"tension_behind": None, "tension_ahead": None, "haul": None}
+    behind = ahead = haul = None
     if saddle is None:
         k = rope.station_index(name)
         depth = float(rope.points[k, 1])
-        behind, ahead = rope.tensions[:, k]
-        forces = {"tension_behind": float(behind), "tension_ahead": float(ahead), "haul": float(rope.haul[k])}
+        behind, ahead = rope.tensions[:, k].tolist()
+        haul = float(rope.haul[k])
     else:
         at_ends = _ropes_at_shoe_ends(data, rest, position, name)
         left, right = (rope.points[rope.station_index(name)] for rope in at_ends)
         depth = _car_depth_on_shoe(left, right, x, np.array(saddle["at"]))
         row[f"on:{name}"] = saddle["name"]
-    if not car["hauled"]:
-        del forces["haul"]
-    row |= {f"{kind}:{name}": force for kind, force in forces.items()}
+    row[f"tension_behind:{name}"] = behind
+    row[f"tension_ahead:{name}"] = ahead
+    if car["hauled"]:
+        row[f"haul:{name}"] = haul
     row[f"depth:{name}"] = depth
-    if data.ground.size and data.ground[0, 0] <= x <= data.ground[-1, 0]:
-        ground = float(np.interp(x, data.ground[:, 0], data.ground[:, 1]))
-        row[f"clearance_car:{name} over {GROUND}"] = ground - depth - car.get("below", 0.0)
+    ground = data.profiles.get(GROUND)
+    if ground is not None and ground[0, 0] <= x <= ground[-1, 0]:
+        height = float(np.interp(x, *ground.T)) - depth
+        row[f"clearance_car:{name} over {GROUND}"] = height - car.get("below", 0.0)
     return row
 
 
@@ -367,13 +389,14 @@ def _car_depth_on_shoe(left: Array, right: Array, x: float, top: Array) -> float
 
     A cubic leaves the end along its chord, and passes the saddle with the mean slope of both chords.
     """
-    end = left if x <= top[0] else right
-    slopes = [float((top[1] - point[1]) / (top[0] - point[0])) for point in (left, right)]
-    slope = slopes[0] if x <= top[0] else slopes[1]
+    slope_left, slope_right = (float((top[1] - end[1]) / (top[0] - end[0])) for end in (left, right))
+    on_left = x <= top[0]
+    end = left if on_left else right
+    slope = slope_left if on_left else slope_right
     d = float(top[0] - end[0])
     w = (x - float(end[0])) / d  # 0 at the end, 1 at the saddle
-    bent = 0.5 * (sum(slopes) - 2.0 * slope) * d * (w**3 - w**2)
-    return float(end[1] + slope * d * w + bent)
+    bend = 0.5 * (slope_left + slope_right - 2.0 * slope) * d
+    return float(end[1] + slope * d * w + bend * (w**3 - w**2))
 
 
 def _numbers_at_contact(
@@ -384,15 +407,10 @@ def _numbers_at_contact(
     k = rope.station_index(contact["name"])
     row: PositionNumbers = {"tension": float(np.nanmax(rope.tensions[:, k]))}
     if contact["kind"] == "saddle":
-        across, down = rope.ahead[k] - rope.behind[k]
         on_shoe = [car for car in data.cars if data.saddle_under_car(car, position) is contact]
         car_weight = sum(car["mass"] for car in on_shoe) * data.gravity
-        for kind, weight in (("pressure", 0.0), ("load", car_weight)):
-            row[kind] = math.hypot(across, down + weight)
-            row[f"{kind}_down"] = float(down + weight)
-        row["knee"] = _degrees_of_bend(rope.behind[k], rope.ahead[k])
+        row |= _numbers_at_saddle(rope.behind[k], rope.ahead[k], car_weight)
         row["knee_empty"] = _degrees_of_bend(np.asarray(empty.behind)[j], np.asarray(empty.ahead)[j])
-        row["direction"] = 90.0 - math.degrees(math.atan2(down, across))
         row["rope_over"] = float(empty.s[j] - rope.s[k])
     elif contact["kind"] == "counterweight":
         taken = float(np.ptp(rope.s) - np.ptp(empty.s))
@@ -400,6 +418,17 @@ def _numbers_at_contact(
     elif contact["kind"] == "spring":
         row["shift"] = float(np.linalg.norm(rope.points[k] - contact["at"]))
     return row
+
+
+def _numbers_at_saddle(behind: Array, ahead: Array, car_weight: float) -> PositionNumbers:
+    """Pressure of the rope on a saddle by its forces (2,) behind and ahead, load with the cars on the shoe, bend."""
+    across, down = ahead - behind
+    numbers: PositionNumbers = {"knee": _degrees_of_bend(behind, ahead)}
+    numbers["direction"] = 90.0 - math.degrees(math.atan2(down, across))
+    for kind, weight in (("pressure", 0.0), ("load", car_weight)):
+        numbers[kind] = math.hypot(across, down + weight)
+        numbers[f"{kind}_down"] = float(down + weight)
+    return numbers
 
 
 def _degrees_of_bend(behind: Array, ahead: Array) -> float:
@@ -416,17 +445,18 @@ def _largest_sag(rope: RopeAtRest, first: int, last: int) -> float:
     return float(np.max(y - y0 - slope * (x - x0)))
 
 
-def _min_height_over_ground(ground: Array, rope: RopeAtRest) -> float | None:
-    """Smallest height [m] of the rope over the ground (n, 2); None where there is no ground below it.
+def _min_height_of_rope(rope: RopeAtRest, profile: Array) -> float | None:
+    """Smallest height [m] of the rope over an obstacle or ground (n, 2); None where there is none below it.
 
     It is at a corner of the ground, at a station, or where the rope is parallel to the ground.
     """
-    if not ground.size:
-        return None
-    x, depth = ground.T
+    x, depth = profile.T
+    if len(profile) == 1:  # between the supports, but perhaps not between rope ends that springs shift
+        return float(depth[0] - rope.depth_and_tension_at_x(x)[0][0])
     corners = np.concatenate([x, rope.points[:, 0]])
-    points = [np.stack([corners, rope.depth_and_tension_at_x(corners)[0]], axis=1)]
-    points += [rope.points_closest_to_slope(slope) for slope in np.diff(depth) / np.diff(x)]
+    points = [np.column_stack([corners, rope.depth_and_tension_at_x(corners)[0]])]
+    for slope in np.diff(depth) / np.diff(x):
+        points.append(rope.points_closest_to_slope(slope))
     x_rope, y = np.concatenate(points).T
     begin = max(x[0], rope.points[0, 0])
     end = min(x[-1], rope.points[-1, 0])
@@ -440,17 +470,26 @@ def extremes_of_numbers(toml: str, rows: Sequence[PositionNumbers | None]) -> di
     data = LineAtRest(toml)
     at_rest = [row for row in rows if row]
     values: dict[str, list[float]] = {}
-    for name, value in itertools.chain.from_iterable(row.items() for row in at_rest):
-        if isinstance(value, float) and not name.startswith("x:"):
-            values.setdefault(name, []).append(value)
-    for car, (name, points) in itertools.product(data.cars, (data.tops | {GROUND: data.ground}).items()):
-        car_points = [(row[f"x:{car['name']}"], row[f"depth:{car['name']}"]) for row in at_rest]
-        for pair in itertools.pairwise([*car_points, car_points[-1]]):
-            x, depth = np.transpose(sorted(pair))
-            passed = points[(points[:, 0] >= x[0]) & (points[:, 0] <= x[1])]
-            heights = passed[:, 1] - np.interp(passed[:, 0], x, depth) - car.get("below", 0.0)
+    for row in at_rest:
+        for name, value in row.items():
+            if isinstance(value, float) and not name.startswith("x:"):
+                values.setdefault(name, []).append(value)
+    for car in data.cars:
+        path = [(row[f"x:{car['name']}"], row[f"depth:{car['name']}"]) for row in at_rest]
+        for name, profile in data.profiles.items():
+            heights = _heights_between_positions(path, profile) - car.get("below", 0.0)
             values.setdefault(f"clearance_car:{car['name']} over {name}", []).extend(heights.tolist())
     return {name: (min(x), max(x)) for name, x in values.items() if x}
+
+
+def _heights_between_positions(path: Sequence[tuple[float, float]], profile: Array) -> Array:
+    """Heights [m] over points of a profile (n, 2) that a car passes on chords between positions x and depth in turn."""
+    heights = [np.empty(0)]
+    for pair in itertools.pairwise([*path, path[-1]]):
+        x, depth = np.transpose(sorted(pair))
+        passed = profile[(profile[:, 0] >= x[0]) & (profile[:, 0] <= x[1])]
+        heights.append(passed[:, 1] - np.interp(passed[:, 0], x, depth))
+    return np.concatenate(heights)
 
 
 # --- what is printed ------------------------------------------------------------------------------------------------
@@ -470,9 +509,9 @@ def printed_number_rows(
     known = extremes_of_numbers(toml, rows)
     reach = data.contacts[-1]["at"][0]
     tension = known["tension_max"][1]
-    pressure = min((low for name, (low, _) in known.items() if name.startswith("pressure:")), default=1.0)
-    scales = dict.fromkeys(LENGTHS, reach) | {"safety_factor": 1.0}
-    scales["knee"] = scales["knee_empty"] = scales["direction"] = math.degrees(tension / max(pressure, 1.0))
+    pressures = [low for name, (low, _) in known.items() if name.startswith("pressure:")]
+    angle = math.degrees(tension / max(min(pressures, default=1.0), 1.0))
+    scales = dict.fromkeys(LENGTHS, reach) | dict.fromkeys(ANGLES, angle) | {"safety_factor": 1.0}
 
     def rounding_allowed(name: str) -> float:
         return ROUNDING * float(scales.get(_kind_without_extreme(name), tension))
@@ -521,7 +560,7 @@ def _note_gaps_of_positions(
     """Note the gaps of all cells of positions.csv; rounding : that is allowed to a number by its name."""
     gaps.note_difference("positions.csv", "rows", len(table), len(rows))
     for i, (cells, row) in enumerate(zip(table, rows, strict=False)):
-        numbers = row or {"position": i + 1}
+        numbers: PositionNumbers = row or {"position": i + 1}
         for name in {**cells, **numbers}:
             kind, _, subject = name.partition(":")
             where = f"{subject or 'the line'}, position {i + 1}"
@@ -539,38 +578,44 @@ def _note_gaps_of_profile(gaps: LargestGaps, data: LineAtRest, rest: StatesAtRes
     table = _read_csv_rows(folder / "profile.csv")
     drawn = json.loads((folder / "ropes.json").read_text(encoding="utf-8"))
     x = np.array([float(row["x"]) for row in table])
-    ropes = {i: RopeAtRest(data, state, data.stations_at_position(i)) for i, state in rest.states.items()}
-    empty = RopeAtRest(data, rest.empty, data.contact_stations(), empty=True)
-    depths = {i: rope.depth_and_tension_at_x(x)[0] for i, rope in ropes.items()}
-    columns = _expected_profile(list(ropes.values()), np.array(list(depths.values())), x)
-    columns["y_rest"] = empty.depth_and_tension_at_x(x)[0]
-    rounding = ROUNDING * float(np.ptp(x))
+    columns = _expected_profile(data, rest, x)
+    lengths_allowed = ROUNDING * float(np.ptp(x))
+    tensions_allowed = ROUNDING * float(columns["tension_max"].max())
     for name, expected in columns.items():
-        allowed = ROUNDING * float(columns["tension_max"].max()) if "tension" in name else rounding
+        allowed = tensions_allowed if "tension" in name else lengths_allowed
         for k, value in enumerate(expected.tolist()):
             where = f"x = {x[k]:.6g} m"
             gaps.note_difference(f"profile.csv, {name}", where, _float_or_none(table[k].get(name)), value, allowed)
             gaps.note_difference("ropes.json", where, drawn["profile"][name][k], value, allowed)
     for position, drawn_depths in drawn["depths"].items():
-        off = np.abs(np.subtract(drawn_depths, depths[int(position) - 1]))
-        gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / rounding)
+        i = int(position) - 1
+        rope = RopeAtRest(data, rest.states[i], data.stations_at_position(i))
+        off = np.abs(np.subtract(drawn_depths, rope.depth_and_tension_at_x(x)[0]))
+        gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / lengths_allowed)
 
 
-def _expected_profile(ropes: Sequence[RopeAtRest], y: Array, x: Array) -> dict[str, Array]:
-    """Columns of profile.csv at x (m,): the extremes of depth y (positions, m) and tension of all positions.
+def _expected_profile(data: LineAtRest, rest: StatesAtRest, x: Array) -> dict[str, Array]:
+    """Columns of profile.csv at x (m,): depth of the empty rope, extremes of depth and tension of all positions.
 
     At a car that grips the tension jumps, and both of its values count.
     """
     near = 1e-9 * float(np.ptp(x))
-    both_sides = [np.clip(x + dx, x[0], x[-1]) for dx in (-near, near)]
-    T = np.array([rope.depth_and_tension_at_x(side)[1] for rope in ropes for side in both_sides])
-    return {
-        "x": x,
-        "y_highest": y.min(axis=0),
-        "y_lowest": y.max(axis=0),
-        "tension_max": T.max(axis=0),
-        "tension_min": T.min(axis=0),
-    }
+    left = np.clip(x - near, x[0], x[-1])
+    right = np.clip(x + near, x[0], x[-1])
+    depths = []
+    tensions = []
+    for i, state in rest.states.items():
+        rope = RopeAtRest(data, state, data.stations_at_position(i))
+        depths.append(rope.depth_and_tension_at_x(x)[0])
+        tensions += [rope.depth_and_tension_at_x(side)[1] for side in (left, right)]
+    columns = {"x": x}
+    columns["y_highest"] = np.min(depths, axis=0)
+    columns["y_lowest"] = np.max(depths, axis=0)
+    columns["tension_max"] = np.max(tensions, axis=0)
+    columns["tension_min"] = np.min(tensions, axis=0)
+    empty = RopeAtRest(data, rest.empty, data.contact_stations(), empty=True)
+    columns["y_rest"] = empty.depth_and_tension_at_x(x)[0]
+    return columns
 
 
 def _note_gaps_of_design(
@@ -601,21 +646,23 @@ def _note_gaps_of_outcome(gaps: LargestGaps, data: LineAtRest, summary: dict[str
     """Note unless the outcome names a rope beyond its breaking load first, then everything that is hit."""
     text = summary["outcome"]
     tension = known["tension_max"][1]
-    clearances = {name.partition(":")[2]: low for name, (low, _) in known.items() if name.startswith("clearance")}
-    hit = {name.split(" over ")[-1] for name, low in clearances.items() if low < LOWEST}
+    lowest = {name.partition(":")[2]: low for name, (low, _) in known.items() if name.startswith("clearance")}
+    hit = {name.split(" over ")[-1] for name, low in lowest.items() if low < LOWEST}
     broken = data.breaking_load is not None and tension > data.breaking_load
     kinds = {"breaks": broken, "collides": hit, "incomplete": summary["refused"], "carries": True}
     kind = next(kind for kind, holds in kinds.items() if holds)
     gaps.note_difference("outcome", "kind", summary["outcome_kind"], kind)
     gaps.note_difference("outcome", "breaking load", "breaking load" in text.split(";")[0], broken)
     for name in hit:
-        gaps.note_difference("outcome", name, f"{name} by " in text or "more" in text, True)
-    for kilonewton in re.findall(r"(\d+\.\d) kN", text)[:1]:
-        gaps.note_difference("outcome", "tension", float(kilonewton), tension / 1e3, 0.06)
+        named = f"{name} by " in text or "more" in text
+        gaps.note_difference("outcome", name, named, True)
+    kilonewtons = re.search(r"(\d+\.\d) kN", text)
+    if kilonewtons is not None:
+        gaps.note_difference("outcome", "tension", float(kilonewtons[1]), tension / 1e3, 0.06)
     if hit:
         depths = [float(x) for x in re.findall(r" by (\d+\.\d\d) m", text)]
-        depth = max(depths, default=math.inf)
-        gaps.note_difference("outcome", "depth of a collision", depth, -min(clearances.values()), 0.006)
+        deepest = max(depths, default=math.inf)
+        gaps.note_difference("outcome", "depth of a collision", deepest, -min(lowest.values()), 0.006)
 
 
 def _note_gaps_of_page(
@@ -647,6 +694,7 @@ def _note_gap_of_shown_number(gaps: LargestGaps, number: dict[str, Any], text: s
         return
     value, decimals, unit, at = parts.groups()
     factor = si_factor(unit, number["unit"])
-    gaps.note_difference("page", where, float(value) * factor, number["value"], 0.51 * factor * 10.0 ** -len(decimals))
+    last_digit = factor * 10.0 ** -len(decimals)
+    gaps.note_difference("page", where, float(value) * factor, number["value"], 0.51 * last_digit)
     cars = ", ".join(f"{name} {x:.0f}" for name, x in number["at"].items())
     gaps.note_difference("page, cars", where, at or cars, cars)

@@ -56,31 +56,27 @@ def recomputed_rows(
 
 def recomputed_design_rows(r: Response, counterpart: Response | None = None) -> Iterator[Agreement]:
     """Rows of design numbers and peaks against a second computation, in the range of both runs."""
-    readings = RecomputedNumbers(r, counterpart)
+    numbers = RecomputedNumbers(r, counterpart)
     for row in r.design:
         quantity = row["quantity"]
-        names = [("value", "bar", "")]
-        if row.get("peak") is not None:
-            names.append(("peak", "bar_peak", " peak"))
-        for name, bar, law in names:
-            if readings.has_second_computation(quantity):
-                right = readings.number(quantity, averaged=not law)
-                yield _printed_number_row(r, row, (name, bar), right, quantity + law)
+        peaks = [False] if row.get("peak") is None else [False, True]
+        for peak in peaks:
+            if numbers.has_second_computation(quantity):
+                yield _printed_number_row(r, row, numbers.number(quantity, averaged=not peak), peak)
             else:
                 yield Agreement("design", math.nan, no_bound("printed without a second computation"), law=quantity)
 
 
-def _printed_number_row(
-    r: Response, row: dict[str, Any], names: tuple[str, str], right: float | None, law: str
-) -> Agreement:  # fmt: skip
-    """A printed number or peak against the right one;  names : of the number and its bar in `row`."""
-    name, bar = names
+def _printed_number_row(r: Response, row: dict[str, Any], expected: float | None, peak: bool) -> Agreement:
+    """The value or the peak of a printed row against the expected one."""
+    printed = row["peak" if peak else "value"]
+    bar = row["bar_peak" if peak else "bar"] or 0.0
+    law = row["quantity"] + (" peak" if peak else "")
     where = None if row["s_o"] is None else row["s_o"] / r.length
-    if row[name] is None or right is None:
-        return _recomputed_row(r, "design", law, 0.0 if row[name] is right else 1.0, ROUNDING, where)
-    size = abs(right) or 1.0
-    allowed = (row[bar] or 0.0) / size + ROUNDING
-    return _recomputed_row(r, "design", law, abs(row[name] - right) / size, allowed, where)
+    if printed is None or expected is None:
+        return _recomputed_row(r, "design", law, 0.0 if printed is expected else 1.0, ROUNDING, where)
+    size = abs(expected) or 1.0
+    return _recomputed_row(r, "design", law, abs(printed - expected) / size, bar / size + ROUNDING, where)
 
 
 FROM_TOML = ("sag_car_rest", "acceleration_max", "deceleration_max")
@@ -101,7 +97,8 @@ class RecomputedNumbers:
         self.profiles = obstacle_and_ground_profiles(self.data.scene)
 
     def _signals_of_kind(self, kind: str) -> Signals | None:
-        return self.signals.get(kind) or self.signals.get(kind.removesuffix("_max").removesuffix("_min"))
+        without_extreme = kind.removesuffix("_max").removesuffix("_min")
+        return self.signals.get(kind) or self.signals.get(without_extreme)
 
     def has_second_computation(self, quantity: str) -> bool:
         """Whether a quantity has a second computation."""
@@ -132,8 +129,8 @@ class RecomputedNumbers:
         signals = self._signals_of_kind(kind)
         assert signals is not None
         period = self.data.round_trip if averaged and kind.startswith(FORCES) else 0.0
-        known = [(t, v) for t, v in signals if t.size]
-        values = np.concatenate([_moving_means(t, v, self.time_span, period).ravel() for t, v in known])
+        means = [_moving_means(t, values, self.time_span, period) for t, values in signals if t.size]
+        values = np.concatenate([x.ravel() for x in means])
         if not values.size:
             return None
         return float(values.min() if kind.endswith("_min") else values.max())
@@ -141,51 +138,46 @@ class RecomputedNumbers:
     def _min_clearance(self, profile: Array, of_car: bool) -> float | None:
         """Smallest height [m] of car or rope over an obstacle or the ground; None: never above it."""
         r = self.r
-        f = r.fields
         steps = r.t <= self.until
         heights = [min_height_over(profile, r.x[steps], r.y[steps])]
-        rest_curve = CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
-        points = rest_curve(f.s_o) + np.stack([f.mass_u, f.mass_v], axis=1)  # (k, 2)
-        for k in [] if of_car else np.flatnonzero(f.t <= self.until):
-            x = np.append(f.x + f.u[k], points[k, 0])
-            y = np.append(f.y + f.v[k], points[k, 1])
-            order = np.argsort(x)
-            heights.append(min_height_over(profile, x[order], y[order]))
+        if not of_car:
+            heights += self._min_heights_of_rope(profile)
         below = self.data.scene["mass"].get("below", 0.0) if of_car else 0.0
         return min(heights) - below if math.isfinite(min(heights)) else None
+
+    def _min_heights_of_rope(self, profile: Array) -> list[float]:
+        """Smallest height [m] of the rope over a profile at each frame; inf where it is never above it."""
+        f = self.r.fields
+        rest_curve = CubicSpline(f.s, np.column_stack([f.x, f.y]))
+        car = rest_curve(f.s_o) + np.column_stack([f.mass_u, f.mass_v])  # (k, 2)
+        heights = []
+        for k in np.flatnonzero(f.t <= self.until):
+            x = np.append(f.x + f.u[k], car[k, 0])
+            y = np.append(f.y + f.v[k], car[k, 1])
+            order = np.argsort(x)
+            heights.append(min_height_over(profile, x[order], y[order]))
+        return heights
 
 
 def _max_sag_of_car_at_rest(r: Response, data: SceneData) -> float:
     """Largest depth below the chord of a car at rest: a parabola through the largest of some places."""
     friction = data.drive.get("rolling_friction", 0.0) if r.drive == "haul" else None
     s_o = r.length * np.linspace(0.02, 0.98, 49)
-    cable = EmptyCable((data.span, data.drop), data.EA, data.rho * data.gravity, r.length, r.horizontal_tension)
+    supports = data.span, data.drop
+    cable = EmptyCable(supports, data.EA, data.rho * data.gravity, r.length, r.horizontal_tension)
     points = [car_point_at_rest(cable, float(s), data.weight, friction) for s in s_o]
     x, y = np.array(points).T
     sag = y - x * data.drop / data.span
     k = int(np.clip(np.nanargmax(sag), 1, s_o.size - 2))
-    a, b, c = np.polyfit(x[k - 1 : k + 2], sag[k - 1 : k + 2], 2)
+    around = slice(k - 1, k + 2)
+    a, b, c = np.polyfit(x[around], sag[around], 2)
     return float(c - b * b / (4.0 * a))
 
 
 def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:
     """Signals of each kind of design number."""
     f = r.fields
-    tilt = math.degrees(math.atan(data.crosswind_force() / (data.rho * data.gravity)))
-    driving = "thrust" if r.drive == "free" else "haul_force"
-    at_steps = {
-        "wind_tilt": np.full(r.t.shape, tilt),
-        "contact": _contact_force(r),
-        driving: np.abs(r.F_haul),
-        f"{driving}_min": r.F_haul,
-        "mass_deflection": r.v,
-        "mass_deepest": r.y,
-        "sag_car": r.y - r.x * data.drop / data.span,
-        "speed": _speed(r),
-    }
-    if r.drive == "free":
-        along = r.velocity / np.where(at_steps["speed"] > 0.0, at_steps["speed"], math.inf)[:, None]
-        at_steps["car_deceleration"] = -(along[:, 0] * r.acceleration[:, 0] + along[:, 1] * r.acceleration[:, 1])
+    at_steps = _signals_at_car(r, data)
     tensions = [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)]
     for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):
         horizontal, vertical = np.abs(force.T)
@@ -201,7 +193,26 @@ def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:
         load = at_steps["contact"] / wheels.get("count", 2)
         for kind, values in rope_stresses_at_wheel(data.cable, wheels, N, load).items():
             signals.setdefault(kind, []).append((r.t, values))
-    return signals | {"tension": tensions, "deepest_point": [(r.t, r.y), (f.t, f.y + f.v)]}
+    signals["tension"] = tensions
+    signals["deepest_point"] = [(r.t, r.y), (f.t, f.y + f.v)]
+    return signals
+
+
+def _signals_at_car(r: Response, data: SceneData) -> dict[str, Array]:
+    """Signals (n,) of the car at steps, and the tilt of the wind."""
+    tilt = math.degrees(math.atan(data.crosswind_force() / (data.rho * data.gravity)))
+    driving = "thrust" if r.drive == "free" else "haul_force"
+    speed = _speed(r)
+    signals = {"wind_tilt": np.full(r.t.shape, tilt), "contact": _contact_force(r), "speed": speed}
+    signals[driving] = np.abs(r.F_haul)
+    signals[f"{driving}_min"] = r.F_haul
+    signals["mass_deflection"] = r.v
+    signals["mass_deepest"] = r.y
+    signals["sag_car"] = r.y - r.x * data.drop / data.span
+    if r.drive == "free":
+        along = r.velocity / np.where(speed > 0.0, speed, math.inf)[:, None]
+        signals["car_deceleration"] = -(along[:, 0] * r.acceleration[:, 0] + along[:, 1] * r.acceleration[:, 1])
+    return signals
 
 
 def _speed(r: Response) -> Array:
@@ -219,13 +230,13 @@ def _moving_means(t: Array, values: Array, time_span: tuple[float, float], perio
     known = np.isfinite(values.reshape(t.size, -1)).all(axis=1)
     t = t[known]
     values = values[known]
-    rows = is_within(t, *time_span)
+    inside = is_within(t, *time_span)
     if values.ndim == 2:
-        return _means_of_frames(t[rows], values[rows], period)
-    if rows.any():  # up to the ends of the range
-        ends = np.clip(time_span, t[0], t[-1])
-        inner = t[rows & (t > ends[0]) & (t < ends[1])]
-        times = np.unique(np.concatenate([ends, inner]))
+        return _means_of_frames(t[inside], values[inside], period)
+    if inside.any():  # up to the ends of the range
+        begin, end = np.clip(time_span, t[0], t[-1])
+        between = t[inside & (t > begin) & (t < end)]
+        times = np.unique(np.concatenate([[begin], between, [end]]))
         values = np.interp(times, t, values)
         t = times
     return means_around_times(t, values, t, period) if period and t.size >= 3 else values
@@ -248,9 +259,10 @@ def recomputed_error_rows(r: Response, counterpart: Response) -> Iterator[Agreem
     """Rows of what path_error and tension_error lack to the distance from the other solver."""
     if r.error_window is None or counterpart.error_window is None or r.path_error is None:
         return
-    windows = r.error_window, counterpart.error_window
-    window = max(low for low, _ in windows), min(high for _, high in windows)
-    distance, by_other_spline = (_max_path_distance(r, counterpart, window, degree) for degree in (3, 5))
+    lows, highs = zip(r.error_window, counterpart.error_window, strict=True)
+    window = max(lows), min(highs)
+    distance = _max_path_distance(r, counterpart, window, degree=3)
+    by_other_spline = _max_path_distance(r, counterpart, window, degree=5)
     allowed = abs(by_other_spline - distance) + ROUNDING
     yield _recomputed_row(r, "design", "path_error", max(0.0, distance - r.path_error), allowed)
     if r.tension_error is not None:
@@ -268,12 +280,13 @@ def _max_path_distance(r: Response, counterpart: Response, window: tuple[float, 
     in_window = (position >= window[0]) & (position <= window[1] * (1.0 + ROUNDING))
     rows = in_window & (coarse.t <= fine.t[-1])
     names = ("x", "y") if r.drive == "free" else ("u", "v")
-    offset = []
+    squares = np.zeros(np.count_nonzero(rows))
     for name in names:
         spline = make_interp_spline(fine.t, getattr(fine, name), k=degree)
-        offset.append(getattr(coarse, name)[rows] - spline(coarse.t[rows]))
+        offset = getattr(coarse, name)[rows] - spline(coarse.t[rows])
+        squares += offset**2
     scale = max(0.1 * x.length if x.drive == "free" else x.max_deflection for x in (r, counterpart))
-    return float(np.sqrt(offset[0] ** 2 + offset[1] ** 2).max(initial=0.0)) / scale
+    return float(np.sqrt(squares).max(initial=0.0)) / scale
 
 
 def _rms_tension_distance(r: Response, counterpart: Response, window: tuple[float, float]) -> float:
@@ -287,8 +300,8 @@ def _rms_tension_distance(r: Response, counterpart: Response, window: tuple[floa
     for k, mark in enumerate(getattr(a, axis)):
         j = int(np.argmin(np.abs(marks - mark)))
         at = a.s_o[k] / r.length
-        same = abs(marks[j] - mark) <= ROUNDING * marks[-1]
-        if same and window[0] - ROUNDING <= at <= window[1] + ROUNDING:
+        in_window = window[0] - ROUNDING <= at <= window[1] + ROUNDING
+        if in_window and abs(marks[j] - mark) <= ROUNDING * marks[-1]:
             off_car = np.abs(a.s / r.length - at) >= JUMP_WIDTH
             squares.append((a.T[k] - b.T[j])[off_car] ** 2)
     of_all_frames = np.concatenate(squares)
@@ -321,23 +334,23 @@ class ExpectedOutcome:
 
 def recomputed_outcome_row(r: Response, counterpart: Response | None, kind: str, sentence: str) -> Agreement:
     """An outcome against the last event, the TOML's brakes and travel, breaking load and clearances."""
-    readings = RecomputedNumbers(r, counterpart)
-    right = _expected_end_of_motion(r, readings)
+    numbers = RecomputedNumbers(r, counterpart)
+    expected = _expected_end_of_motion(r, numbers.data)
     bars = {row["quantity"]: row["bar"] or 0.0 for row in r.design}
-    right.parts = _obstacle_hit_sentences(readings, bars)
+    expected.parts = _obstacle_hit_sentences(numbers, bars)
     if "safety_factor_min" in bars:
-        _add_broken_rope_to(right, readings, bars["safety_factor_min"])
-    return _recomputed_row(r, "outcome", "", 0.0 if right.matches(kind, sentence) else 1.0, ROUNDING)
+        _add_broken_rope_to(expected, numbers, bars["safety_factor_min"])
+    return _recomputed_row(r, "outcome", "", 0.0 if expected.matches(kind, sentence) else 1.0, ROUNDING)
 
 
-def _expected_end_of_motion(r: Response, readings: RecomputedNumbers) -> ExpectedOutcome:
+def _expected_end_of_motion(r: Response, data: SceneData) -> ExpectedOutcome:
     """How the car's motion ends, after where it first lifts off."""
     if r.status != "complete" and r.slack_onset is None:
         return ExpectedOutcome("incomplete", [float(r.s_o[-1]), float(r.t[-1])])
     if r.drive == "free":
-        end = _expected_outcome_of_free_ride(r, readings.data.drive)
+        end = _expected_outcome_of_free_ride(r, data.drive)
     else:
-        end = _expected_outcome_of_travel(r, readings)
+        end = _expected_outcome_of_travel(r, data)
     first = next((event for event in r.events if event["event"] == "lift_off"), None)
     if first is not None:
         end.numbers = [first["s_o"], first["t"], *end.numbers]
@@ -346,7 +359,7 @@ def _expected_end_of_motion(r: Response, readings: RecomputedNumbers) -> Expecte
 
 def _expected_outcome_of_free_ride(r: Response, drive: dict[str, Any]) -> ExpectedOutcome:
     """The end of a free ride, by its last event."""
-    speed = 3.6 * _speed(r)
+    speed = 3.6 * _speed(r)  # [km/h]
     last = next((x for x in reversed(r.events) if x["event"] in ("arrival", "back", "stop")), None)
     if last is None:
         return ExpectedOutcome("rolling", [float(r.t[-1]), float(r.s_o[-1]), float(speed[-1])])
@@ -365,16 +378,15 @@ def _expected_outcome_of_free_ride(r: Response, drive: dict[str, Any]) -> Expect
     return ExpectedOutcome("stuck", [*before, s_o, t, farthest])
 
 
-def _expected_outcome_of_travel(r: Response, readings: RecomputedNumbers) -> ExpectedOutcome:
+def _expected_outcome_of_travel(r: Response, data: SceneData) -> ExpectedOutcome:
     """The end of a prescribed travel, by the TOML."""
-    data = readings.data
     hauled = r.drive == "haul"
     start = timetable.start_position(data.travel, data.drive, r.length)
     end = data.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
     last, duration = _travel_end_and_duration(data, r.length, start, end)
     # a law and a design number judge the onset itself; here its text is compared
-    ends = [x * r.length for x in (r.slack_onset_or_inf, position_where_mass_outruns_waves(r)) if math.isfinite(x)]
-    slack = [min(ends)] if ends else []
+    onset = min(r.slack_onset_or_inf, position_where_mass_outruns_waves(r))  # s_o/l
+    slack = [onset * r.length] if math.isfinite(onset) else []
     if last < 0.999 * end:
         return ExpectedOutcome("stopped", [last, duration, *slack])
     ends = [start, last] if hauled else []
@@ -402,14 +414,14 @@ def _travel_end_and_duration(data: SceneData, length: float, start: float, end: 
     return (last, duration) if duration <= limit else (position_at(limit), limit)
 
 
-def _obstacle_hit_sentences(readings: RecomputedNumbers, bars: dict[str, float]) -> list[str]:
+def _obstacle_hit_sentences(numbers: RecomputedNumbers, bars: dict[str, float]) -> list[str]:
     """What is hit, and what is closer than its printed bar."""
     hit = []
     near = []
-    for name in readings.profiles:
+    for name in numbers.profiles:
         low = high = math.inf
         for quantity in (f"clearance_rope_min:{name}", f"clearance_car_min:{name}"):
-            value = readings.number(quantity)
+            value = numbers.number(quantity)
             if value is not None:
                 bar = bars.get(quantity, 0.0)
                 low = min(low, value - bar)
@@ -422,16 +434,16 @@ def _obstacle_hit_sentences(readings: RecomputedNumbers, bars: dict[str, float])
     return [words + " and ".join(names) for words, names in parts.items() if names]
 
 
-def _add_broken_rope_to(right: ExpectedOutcome, readings: RecomputedNumbers, bar: float) -> None:
-    """Put a breaking rope into what an outcome must say."""
-    factor = readings.number("safety_factor_min")
+def _add_broken_rope_to(expected: ExpectedOutcome, numbers: RecomputedNumbers, bar: float) -> None:
+    """Put a breaking rope into what an outcome must say;  bar : of the safety factor."""
+    factor = numbers.number("safety_factor_min")
     assert factor is not None
     if factor + bar < 1.0:
-        load = readings.data.cable["breaking_load"] / 1e3
-        right.kind = "breaks"
-        right.numbers = [load / factor, load, *right.numbers]
+        load = numbers.data.cable["breaking_load"] / 1e3
+        expected.kind = "breaks"
+        expected.numbers = [load / factor, load, *expected.numbers]
     elif factor - bar < 1.0:
-        right.parts.insert(0, "too close to tell whether the rope breaks")
+        expected.parts.insert(0, "too close to tell whether the rope breaks")
 
 
 # --- the quasi-static ride ----------------------------------------------------------------------------------------
@@ -460,23 +472,30 @@ def _relative_unexplained_energy(evidence: Evidence) -> Array:
     """Energy at frames (k,) beyond that at the start and the work since, over the scale."""
     r = evidence.r
     data = evidence.data
-    speed = _speed(r)[:, None]
-    car = 0.5 * data.mass * speed[:, 0] ** 2 - data.weight * r.y
+    speed = _speed(r)
+    of_car = 0.5 * data.mass * speed**2 - data.weight * r.y
     of_rope = evidence.cable_integrals_at_window_times.energies[:, 1:].sum(axis=1)  # without its motion (k,)
-    energy = np.interp(evidence.window_times, r.t, car) + of_rope
-    along = np.divide(r.velocity, speed, out=np.zeros_like(r.velocity), where=speed > 0.0)  # the path (n, 2)
-    # force of the rope on the car (n, 2)
-    free_of_weight = r.acceleration - [0.0, data.gravity]
-    pressed = data.mass * free_of_weight - evidence.air_drag_force
-    normal = np.abs(cross_product(along, pressed))
-    stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
-    friction = -data.drive.get("rolling_friction", 0.0) * normal * stretch * np.abs(evidence.travel_speed)
-    powers = evidence.powers_by_source | {"friction": friction}
+    energy = np.interp(evidence.window_times, r.t, of_car) + of_rope
+    powers = dict(evidence.powers_by_source)
+    powers["friction"] = _quasi_static_friction_power(evidence)
     if r.drive == "free":  # thrust acts along the path
-        powers["thrust"] = evidence.thrust_or_haul_force * speed[:, 0] * np.sign(evidence.travel_speed)
+        powers["thrust"] = evidence.thrust_or_haul_force * speed * np.sign(evidence.travel_speed)
     power = np.sum([*powers.values()], axis=0)
     work_at_steps = cumulative_integral(r.t, power[:, None], r.force_jump_times)[:, 0]
     work = np.interp(evidence.window_times, r.t, work_at_steps)
     unexplained = energy - work
     scale = data.weight * max(np.ptp(r.y), r.max_deflection)
     return np.asarray((unexplained - unexplained[0]) / scale)
+
+
+def _quasi_static_friction_power(evidence: Evidence) -> Array:
+    """Power (n,) [W] of rolling friction, by the force of the rope across the path."""
+    r = evidence.r
+    data = evidence.data
+    speed = _speed(r)[:, None]
+    along = np.divide(r.velocity, speed, out=np.zeros_like(r.velocity), where=speed > 0.0)  # the path (n, 2)
+    free_of_weight = r.acceleration - [0.0, data.gravity]
+    rope_force = data.mass * free_of_weight - evidence.air_drag_force  # (n, 2)
+    normal = np.abs(cross_product(along, rope_force))
+    coefficient = data.drive.get("rolling_friction", 0.0)
+    return -coefficient * normal * evidence.mean_stretch * np.abs(evidence.travel_speed)
