@@ -347,10 +347,8 @@ def _expected_end_of_motion(r: Response, data: SceneData) -> ExpectedOutcome:
     """How the car's motion ends, after where it first lifts off."""
     if r.status != "complete" and r.slack_onset is None:
         return ExpectedOutcome("incomplete", [float(r.s_o[-1]), float(r.t[-1])])
-    if r.drive == "free":
-        end = _expected_outcome_of_free_ride(r, data.drive)
-    else:
-        end = _expected_outcome_of_travel(r, data)
+    free = r.drive == "free"
+    end = _expected_outcome_of_free_ride(r, data.drive) if free else _expected_outcome_of_travel(r, data)
     first = next((event for event in r.events if event["event"] == "lift_off"), None)
     if first is not None:
         end.numbers = [first["s_o"], first["t"], *end.numbers]
