@@ -29,6 +29,7 @@ FIELDS = 0.05  # smallest tolerance of fields along the rope, and of laws
 
 Series = Callable[[Any], Array]
 LineLadder = Ladder["LineRun"]
+Parts = Sequence[tuple[float, float]]  # of two bars, in space and time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,9 +53,12 @@ class LineRun:
 
     def at_common_instants(self, values: Array, end: float) -> Array:
         """Values (n, ...) at the common instants up to `end`; at a jump those before it."""
-        at = self.instants[self.instants <= end * (1.0 + 1e-12)]
-        rows = np.searchsorted(self.motion.t, at - 1e-9 * self.instants[-1])
+        rows = np.searchsorted(self.motion.t, self.instants_until(end) - 1e-9 * self.instants[-1])
         return values[np.minimum(rows, self.motion.t.size - 1)]
+
+    def instants_until(self, end: float) -> Array:
+        """The common instants up to `end` [s]."""
+        return self.instants[self.instants <= end * (1.0 + 1e-12)]
 
     def mean_over_axial_round_trip(self, values: Array, passes: int = 1) -> Array:
         """Means (n, ...) of values (n, ...) over an axial round trip around each step; two passes: means of means."""
@@ -71,21 +75,23 @@ def moving_means(t: Array, values: Array, period: float) -> Array:
     """
     if not np.isfinite(values).all():
         return np.full_like(values, np.nan)
+    steps = np.arange(t.size)
     jumps = np.flatnonzero(np.diff(t) <= 0.0)
-    pieces = list(zip([0, *(jumps + 1)], [*jumps, t.size - 1], strict=True))
-    pieces = [(first, last) for first, last in pieces if last > first]
-    starts = np.array([t[first] for first, _ in pieces])
+    pieces = [piece for piece in np.split(steps, jumps + 1) if piece.size > 1]
+    starts = [t[piece[0]] for piece in pieces]
     low = np.clip(t - 0.5 * period, t[0], max(t[-1] - period, t[0]))
     high = np.minimum(low + period, t[-1])
-    at = np.stack([low, high])
-    owner = np.clip(np.searchsorted(starts, at, side="right") - 1, 0, None)
+    ends = np.stack([low, high])  # (2, n)
+    piece_of_end = np.clip(np.searchsorted(starts, ends, side="right") - 1, 0, None)
     integrals = np.empty((2, *values.shape))
     before = np.zeros(values.shape[1:])
-    for k, (first, last) in enumerate(pieces):
-        spline = CubicSpline(t[first : last + 1], values[first : last + 1]).antiderivative()
-        integrals[owner == k] = before + spline(at[owner == k])
-        before = before + spline(t[last])
-    return (integrals[1] - integrals[0]) / (high - low).reshape(-1, *[1] * (values.ndim - 1))
+    for k, piece in enumerate(pieces):
+        integral = CubicSpline(t[piece], values[piece]).antiderivative()
+        here = piece_of_end == k
+        integrals[here] = before + integral(ends[here])
+        before = before + integral(t[piece[-1]])
+    duration = (high - low).reshape(-1, *[1] * (values.ndim - 1))
+    return (integrals[1] - integrals[0]) / duration
 
 
 class Norm(NamedTuple):
@@ -187,19 +193,16 @@ class LineComparison:
         gap = distances(values_at_instants(a), values_at_instants(self.b.finest))
         # of the largest change, as a path's: at single instants a phase that shifts hides the order
         parts = [ladder.bars_in_space_and_time(values_at_instants, gap_size) for ladder in (self.a, self.b)]
-        instants = a.instants[a.instants <= self.end * (1.0 + 1e-12)]
-        where = None if rms else f"t = {instants[int(np.argmax(gap))]:.4g} s"
-        return self._row_with_bars(quantity, size(gap), parts, norm.required, law, where)
+        row = self._row_with_bars(quantity, size(gap), parts, norm.required)
+        when = a.instants_until(self.end)[int(np.argmax(gap))]
+        return replace(row, law=law, where=None if rms else f"t = {when:.4g} s")
 
-    def _row_with_bars(
-        self, quantity: str, gap: float, parts: list[tuple[float, float]], required: float, law: str = "",
-        where: str | None = None,
-    ) -> Agreement:  # fmt: skip
+    def _row_with_bars(self, quantity: str, gap: float, parts: Parts, required: float) -> Agreement:
         """parts : of both ladders' bars, in space and time."""
-        names = (self.a.finest.method, self.b.finest.method)
-        bars = tuple(BoundPart(name, sum(part)) for name, part in zip(names, parts, strict=True))
-        bound = Bound("error bars", bars)
-        return Agreement(quantity, gap, bound, where, law=law, required=required, parts=tuple(parts))
+        bars = []
+        for ladder, in_space_and_time in zip((self.a, self.b), parts, strict=True):
+            bars.append(BoundPart(ladder.finest.method, sum(in_space_and_time)))
+        return Agreement(quantity, gap, Bound("error bars", tuple(bars)), required=required, parts=tuple(parts))
 
     def _car_rows(self, car: CarMotion) -> Iterator[Agreement]:
         name = car.name
@@ -232,33 +235,32 @@ class LineComparison:
     def _contact_rows(self, contact: ContactMotion) -> Iterator[Agreement]:
         name = contact.name
 
-        def of(value: Callable[[ContactMotion], Array]) -> Series:
-            return lambda moved: value(find_contact(moved, name))
+        def of(field: str) -> Series:
+            return lambda moved: getattr(find_contact(moved, name), field)
 
-        yield self._series_row("tension", name, of(tension_behind_or_ahead), self.tension, passes=1)
-        yield self._series_row("pressure", name, of(lambda x: x.pressure), self.tension, passes=1)
+        def tension(moved: Any) -> Array:
+            return tension_behind_or_ahead(find_contact(moved, name))
+
+        yield self._series_row("tension", name, tension, self.tension, passes=1)
+        yield self._series_row("pressure", name, of("pressure"), self.tension, passes=1)
         if contact.kind in ("saddle", "counterweight"):
-            yield self._series_row("flow", name, of(lambda x: x.s), self.path)
+            yield self._series_row("flow", name, of("s"), self.path)
         if contact.kind == "counterweight":
-            yield self._series_row("rise", name, of(lambda x: x.rise), self.path)
+            yield self._series_row("rise", name, of("rise"), self.path)
         if contact.kind == "spring":
-            yield self._series_row("shift", name, of(lambda x: x.point), self.path)
+            yield self._series_row("shift", name, of("point"), self.path)
 
     def _rope_shape_and_tension_rows(self) -> Iterator[Agreement]:
         """Depth and place of the rope, and its tension, as rms over all stations and instants."""
         runs = [*self.a.runs, *self.b.runs]
         # a station beyond the rope in any run does not count
-        beyond = np.any([np.isnan(run.motion.tension).any(axis=0) for run in runs], axis=0)
-
-        def on_rope_in_all_runs(values: Array) -> Array:
-            """Values (n, m) whose rms is that over stations."""
-            return values[:, ~beyond]
+        on_rope = np.all([np.isfinite(run.motion.tension).all(axis=0) for run in runs], axis=0)
 
         def points(moved: Any) -> Array:
-            return on_rope_in_all_runs(moved.motion.points)
+            return np.asarray(moved.motion.points[:, on_rope])
 
         def tension(moved: Any) -> Array:
-            return on_rope_in_all_runs(moved.motion.tension)
+            return np.asarray(moved.motion.tension[:, on_rope])
 
         yield self._rms_field_row("rope", points, self.scales.path)
         yield self._rms_field_row("rope_tension", tension, self.scales.tension)
@@ -270,7 +272,8 @@ class LineComparison:
             return moved.at_common_instants(field(moved), self.end)
 
         def rms(a: Array, b: Array) -> float:
-            return float(np.sqrt(np.mean((a - b) ** 2))) / scale
+            mean_square = np.mean((a - b) ** 2)
+            return float(np.sqrt(mean_square)) / scale
 
         gap = rms(values_at_instants(self.a.finest), values_at_instants(self.b.finest))
         parts = [ladder.bars_in_space_and_time(values_at_instants, rms) for ladder in (self.a, self.b)]
@@ -342,8 +345,7 @@ def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., A
     space, time = ladder.bars_in_space_and_time(comparable_defect)
     sampled = of_every_second, defect(with_every_second_station(ladder.finest))
     sampling = 3.0 * sum(abs(gap - size(values)) for values in sampled)
-    parts = (BoundPart("ladder", space + time), BoundPart("sampling", sampling))
-    bound = Bound("law", parts)
+    bound = Bound("law", (BoundPart("ladder", space + time), BoundPart("sampling", sampling)))
     law = f"{law}, {ladder.finest.method}"
     return Agreement(quantity, gap, bound, law=law, required=FIELDS, parts=((space, time),))
 
@@ -386,9 +388,10 @@ def _car_series_with_extremes(moved: LineRun, line: Line) -> Iterator[tuple[str,
     """Quantity, series (n,) and the extremes that count ("max", "min"), of each car."""
     wheels = {car.name: car.wheels for car in line.car}
     for car in moved.motion.cars:
+        passes = averaging_passes(car)
         yield f"haul:{car.name}", moved.mean_over_axial_round_trip(car.haul_force), BOTH
-        yield f"grip:{car.name}", moved.mean_over_axial_round_trip(car.grip_force, averaging_passes(car)), BOTH
-        yield f"contact:{car.name}", moved.mean_over_axial_round_trip(car.contact_force, averaging_passes(car)), BOTH
+        yield f"grip:{car.name}", moved.mean_over_axial_round_trip(car.grip_force, passes), BOTH
+        yield f"contact:{car.name}", moved.mean_over_axial_round_trip(car.contact_force, passes), BOTH
         yield f"speed:{car.name}", np.linalg.norm(car.velocity, axis=1), ("max",)
         yield f"depth:{car.name}", car.point[:, 1], ("max",)
         for name, values in turning_and_wheel_load_series(car).items():
@@ -438,7 +441,8 @@ def rope_stresses_at_car(moved: LineRun, car: CarMotion, rope: LineRope, wheels:
     out: dict[str, Array] = {}
     for side, N in (("rear", car.tension_behind), ("front", car.tension_ahead)):
         load = loads.get(f"wheel_{side}", 0.5 * car.contact_force)
-        for kind, values in rope_stresses_under_wheel(rope, wheels, N, load * 2.0 / wheels.count).items():
+        Q = load * 2.0 / wheels.count
+        for kind, values in rope_stresses_under_wheel(rope, wheels, N, Q).items():
             worse = np.fmin if kind.endswith("min") else np.fmax
             mean = moved.mean_over_axial_round_trip(values)
             out[kind] = worse(out[kind], mean) if kind in out else mean
@@ -450,35 +454,43 @@ def clearance_series(motion: LineMotion, line: Line) -> dict[str, tuple[Array, A
     beneath = obstacle_and_ground_profiles(line)
     below = {car.name: car.below for car in line.car}
     rope = rope_chain(motion).points if beneath else np.empty((motion.t.size, 0, 2))
-    out = {}
+    clearances = {}
     for name, ground in beneath.items():
-        x, depth = ground.T
-        corners = depth - rope_depths(rope, x)  # (n, x.size)
-        at, y = np.moveaxis(rope, 2, 0)  # (n, k): least height is at a corner of either
-        heights = np.where((at >= x[0]) & (at <= x[-1]), np.interp(at, x, depth) - y, np.inf)
-        of_rope = [(motion.t, np.minimum(corners.min(axis=1), heights.min(axis=1)))]
+        times = [motion.t]
+        heights = [_min_heights_of_rope(rope, ground)]
         for car in motion.cars:
-            times, points = _times_and_points_above(motion.t, car.point, x)
-            if times.size:
-                free = np.interp(points[:, 0], x, depth) - points[:, 1]
-                of_rope.append((times, free))
-                out[f"clearance_car:{car.name} over {name}"] = times, free - below[car.name]
-        times, lowest = (np.concatenate(part) for part in zip(*of_rope, strict=True))
-        out[f"clearance_rope:{name}"] = times, lowest
-    return out
+            t, height = _heights_along_path(motion.t, car.point, ground)
+            if t.size:
+                times.append(t)
+                heights.append(height)
+                clearances[f"clearance_car:{car.name} over {name}"] = t, height - below[car.name]
+        clearances[f"clearance_rope:{name}"] = np.concatenate(times), np.concatenate(heights)
+    return clearances
 
 
-def _times_and_points_above(t: Array, path: Array, x: Array) -> tuple[Array, Array]:
-    """Times and points of a path (n, 2) between the first and the last of x, and where it passes each of them."""
+def _min_heights_of_rope(rope: Array, ground: Array) -> Array:
+    """Smallest height (n,) [m] of a rope (n, k, 2) over a ground (m, 2): at a corner of either."""
+    x, depth = ground.T
+    at_corners = depth - rope_depths(rope, x)  # (n, m)
+    x_rope, y = np.moveaxis(rope, 2, 0)  # (n, k)
+    over = (x_rope >= x[0]) & (x_rope <= x[-1])
+    at_points = np.where(over, np.interp(x_rope, x, depth) - y, np.inf)
+    return np.minimum(at_corners.min(axis=1), at_points.min(axis=1))
+
+
+def _heights_along_path(t: Array, path: Array, ground: Array) -> tuple[Array, Array]:
+    """Times and heights [m] of a path (n, 2) over a ground (m, 2): at its points, and where it passes a corner."""
+    x, depth = ground.T
     over = (path[:, 0] >= x[0]) & (path[:, 0] <= x[-1])
     times = [t[over]]
     points = [path[over]]
-    for at in x:
-        i = np.flatnonzero((path[:-1, 0] < at) != (path[1:, 0] < at))
-        w = (at - path[i, 0]) / (path[i + 1, 0] - path[i, 0])
+    for corner in x:
+        i = np.flatnonzero((path[:-1, 0] < corner) != (path[1:, 0] < corner))
+        w = (corner - path[i, 0]) / (path[i + 1, 0] - path[i, 0])
         times.append(t[i] + w * (t[i + 1] - t[i]))
         points.append(path[i] + w[:, None] * (path[i + 1] - path[i]))
-    return np.concatenate(times), np.concatenate(points)
+    x_path, y = np.concatenate(points).T
+    return np.concatenate(times), np.interp(x_path, x, depth) - y
 
 
 def rope_depths(points: Array, x: Array) -> Array:
@@ -513,10 +525,11 @@ def design_with_bars(
     """Design numbers of `a` with bars: from coarser runs, and at least the gap to `b`;  unit_of : a design number."""
     ladders = [a] if b is None else [a, b]
     known = {id(run): extremes_with_times(run, line) for ladder in ladders for run in ladder.runs}
+    motion = a.finest.motion
     numbers = known[id(a.finest)]
     by_hand = bars_of_hand_wheel_loads(line, a.finest, numbers)
-    position = {car.name: car.s for car in a.finest.motion.cars}
-    out = []
+    position = {car.name: car.s for car in motion.cars}
+    rows: list[dict[str, Any]] = []
     for name, (value, t) in numbers.items():
 
         def number_of_run(moved: LineRun, name: str = name) -> float:
@@ -526,8 +539,9 @@ def design_with_bars(
         if b is not None:
             bar = max(bar, abs(value - number_of_run(b.finest)))
         bar += by_hand.get(name, 0.0)
+        row = {"quantity": name, "value": value, "bar": bar if math.isfinite(bar) else None, "unit": unit_of(name)}
         car = name.partition(":")[2].partition(".")[0]
-        s_o = float(np.interp(t, a.finest.motion.t, position[car])) if car in position else None
-        finite_bar = bar if math.isfinite(bar) else None
-        out.append({"quantity": name, "value": value, "bar": finite_bar, "unit": unit_of(name), "t": t, "s_o": s_o})
-    return out
+        row["t"] = t
+        row["s_o"] = float(np.interp(t, motion.t, position[car])) if car in position else None
+        rows.append(row)
+    return rows

@@ -11,18 +11,24 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from cablefem.response import Array, LazyValue, Observation, Response
+from cablefem.response import Array, Observation, Response
 from cablefem.scene import Groups, Scene
 from cablefem.scene.catenary import coordinates, tension_and_slope
 from cablefem.scene.statics import Rest, gripped_rest, hauled_rest, load_path_positions
-from validation.core.sampling import OBSERVED, STATIONS, observation_in_si, path_fields_in_si, times_of_frames
+from validation.core.sampling import (
+    OBSERVED,
+    STATIONS,
+    computed_when_looked_at,
+    observation_in_si,
+    scene_and_path_in_si,
+    times_of_frames,
+)
 
 STEPS = 1001
 NEAREST = 1e-6  # s_o/l from a support below which the path of a gripped car needs no statics
@@ -48,22 +54,16 @@ def quasi_static(scene: Scene) -> Response:
     begin = time.perf_counter()
     travel = _car_kinematics(scene)
     statics = Statics(scene.groups, None if scene.ride is None else scene.ride.path.rest)
-    t = travel.t
-    observed = LazyValue(partial(_observed_fields, scene, statics, travel))
-
-    def observed_field(name: str) -> Callable[[Response], Any]:
-        return lambda r: observed()[name]
-
+    fields = scene_and_path_in_si(scene, travel.t, travel.s_o, statics.displacement_of_car(travel.s_o))
+    fields |= {"method": "quasi-static", "model": "quasi-static", "load": "mass", "law": "elastic", "settings": {}}
+    fields |= dict.fromkeys(("reason", "slack_onset", "slack_at", "switched"))
+    fields["events"] = free_ride_events(scene)
+    fields["n_dof"] = 0
     work = dict.fromkeys(("rejected", "newton_iterations", "factorisations", "residuals"), 0)
-    return Response(
-        **path_fields_in_si(scene, t, travel.s_o, statics.displacement_of_car(travel.s_o)),
-        scene=scene.name, scene_toml=scene.to_toml(), horizontal_tension=scene.horizontal_tension,
-        method="quasi-static", settings={}, model="quasi-static", load="mass", law="elastic",
-        reason=None, slack_onset=None, slack_at=None, switched=None,
-        events=free_ride_events(scene), work={"steps": t.size - 1, **work}, n_dof=0,
-        seconds=time.perf_counter() - begin,
-        later={name: observed_field(name) for name in OBSERVED if name != "events"},
-    )  # fmt: skip
+    fields["work"] = {"steps": travel.t.size - 1, **work}
+    observe = partial(_observed_fields, scene, statics, travel)
+    later = computed_when_looked_at(observe, [name for name in OBSERVED if name != "events"])
+    return Response(**fields, later=later, seconds=time.perf_counter() - begin)
 
 
 def _observed_fields(scene: Scene, statics: Statics, travel: CarKinematics) -> dict[str, Any]:
@@ -71,7 +71,8 @@ def _observed_fields(scene: Scene, statics: Statics, travel: CarKinematics) -> d
     s = np.linspace(0.0, 1.0, STATIONS)
     n = travel.t.size
     frames = times_of_frames(scene, float(travel.t[-1]))
-    steps_and_frames = CarKinematics(*(np.append(x, np.interp(frames, travel.t, x)) for x in travel))
+    at_frames = [np.interp(frames, travel.t, x) for x in travel]
+    steps_and_frames = CarKinematics(*map(np.append, travel, at_frames))
     observed = _observe_steps_and_frames(scene.groups, statics, steps_and_frames, n, s)
     return observation_in_si(scene, observed, np.arange(n + frames.size) < n, s)
 
@@ -84,23 +85,24 @@ def _observe_steps_and_frames(
     here = statics(s_o)
     velocity = here.along * ds[:, None]
     acceleration = here.along * dds[:, None] + here.bend * (ds**2)[:, None]
+    observed: dict[str, Any] = {"t": t, "s_o": s_o, "path": statics.displacement_of_car(s_o)}
+    observed |= {"path_velocity": velocity, "path_acceleration": acceleration}
+    observed |= {"slope_behind": here.slope_behind, "slope_ahead": here.slope_ahead}
+    observed["T_behind"] = np.where(s_o > 0.0, here.behind, np.nan)
+    observed["T_ahead"] = np.where(s_o < 1.0, here.ahead, np.nan)
+    observed["tension_min"], observed["tension_min_at"] = _min_tension_and_position(here, groups.sigma)
+    observed["contact"] = -here.jump
+    observed["reaction_left"] = -here.left_force
+    observed["reaction_right"] = here.left_force - groups.sigma * DOWN + here.jump
+    observed["haul"] = np.full(t.size, np.nan)
+    if groups.drive.mode == "haul":
+        observed["haul"] = _haul_force(groups, here, velocity, acceleration)
     kinetic = 0.5 * groups.mu * (velocity**2).sum(1)
     energy = kinetic + statics.potential_energy(s_o)
     power = np.full(t.size, np.nan)
     power[:steps] = np.gradient(energy[:steps], t[:steps])
-    smallest, smallest_at = _min_tension_and_position(here, groups.sigma)
-    haul = np.full(t.size, np.nan)
-    if groups.drive.mode == "haul":
-        haul = _haul_force(groups, here, velocity, acceleration)
-    return Observation(
-        t=t, s_o=s_o, path=statics.displacement_of_car(s_o), path_velocity=velocity, path_acceleration=acceleration,
-        slope_behind=here.slope_behind, slope_ahead=here.slope_ahead,
-        T_behind=np.where(s_o > 0.0, here.behind, np.nan), T_ahead=np.where(s_o < 1.0, here.ahead, np.nan),
-        energy=energy, power=power, kinetic=kinetic, tension_min=smallest, tension_min_at=smallest_at,
-        reaction_left=-here.left_force, reaction_right=here.left_force - groups.sigma * DOWN + here.jump,
-        contact=-here.jump,
-        haul=haul, **_fields_at_frames(statics, groups, s, s_o[steps:], ds[steps:]),
-    )  # fmt: skip
+    observed |= {"kinetic": kinetic, "energy": energy, "power": power}
+    return Observation(**observed, **_fields_at_frames(statics, groups, s, s_o[steps:], ds[steps:]))
 
 
 def _haul_force(groups: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
@@ -161,20 +163,17 @@ class Statics:
 
         self._groups = groups
         at_rest = hauled_rest if groups.drive.mode == "haul" else gripped_rest
-        r = rest or at_rest(load_path_positions(groups.sigma, NEAREST if groups.drive.mode == "grip" else None), groups)
-        force = r.hold + r.haul * (_unit_mean_tangent(r) * r.along).sum(1)  # that drives the car along s_o (n,)
+        nearest = NEAREST if groups.drive.mode == "grip" else None
+        r = rest or at_rest(load_path_positions(groups.sigma, nearest), groups)
         names = [name for name in Rest.__dataclass_fields__ if name != "s"]
-        columns = {name: getattr(r, name).reshape(r.s.size, -1) for name in names}
-        ends = np.cumsum([x.shape[1] for x in columns.values()])
-        numbers = np.split(np.arange(ends[-1]), ends[:-1])
-        self._columns = dict(zip(columns, numbers, strict=True))
-        values = np.concatenate([*columns.values(), force[:, None]], axis=1)
-        self._spline = CubicSpline(r.s, values)
+        self._splines = {name: CubicSpline(r.s, getattr(r, name)) for name in names}
+        force = r.hold + r.haul * (_unit_mean_tangent(r) * r.along).sum(1)  # that drives the car along s_o (n,)
+        self._work = CubicSpline(r.s, force).antiderivative()
         self._range = float(r.s[0]), float(r.s[-1])
 
     def potential_energy(self, s_o: Array) -> Array:
         """Work (n,) of the force that drives the car, from the first node."""
-        return np.asarray(self._spline.antiderivative()(s_o)[:, -1])
+        return np.asarray(self._work(s_o))
 
     def displacement_of_car(self, s_o: Array) -> Array:
         """Displacement of the car (n, 2); none next to a support."""
@@ -191,33 +190,35 @@ class Statics:
 
     def __call__(self, s: Array) -> Rest:
         """The cable at rest with the car at s (n,)."""
-        values = self._spline(np.clip(s, *self._range))
-        fields = {}
-        for name, columns in self._columns.items():
-            fields[name] = values[:, columns[0]] if columns.size == 1 else values[:, columns]
-        return Rest(s=np.asarray(s, float), **fields)
+        at = np.clip(s, *self._range)
+        return Rest(s=np.asarray(s, float), **{name: spline(at) for name, spline in self._splines.items()})
 
 
 def _min_tension_and_position(r: Rest, sigma: float) -> tuple[Array, Array]:
     """Smallest tension along the cable and its s, (n,) each: where the force is level, or at an end of a side."""
     force = np.stack([r.left_force, r.left_force + r.jump])  # at s = 0 of both sides (2, n, 2)
-    ends = [0.0 * r.s, r.s], [r.s, np.ones_like(r.s)]
-    at = np.clip(force[..., 1] / sigma, *ends)
-    behind, ahead = np.hypot(force[..., 0], force[..., 1] - sigma * at)
-    return np.minimum(behind, ahead), np.where(behind <= ahead, at[0], at[1])
+    horizontal = force[..., 0]
+    vertical = force[..., 1]
+    begins = [0.0 * r.s, r.s]
+    ends = [r.s, np.ones_like(r.s)]
+    s_behind, s_ahead = s = np.clip(vertical / sigma, begins, ends)
+    behind, ahead = np.hypot(horizontal, vertical - sigma * s)
+    return np.minimum(behind, ahead), np.where(behind <= ahead, s_behind, s_ahead)
 
 
 def _fields_at_frames(statics: Statics, groups: Groups, s: Array, s_o: Array, ds: Array) -> dict[str, Any]:
     """Displacement, velocity and tension at frames, (k, m) each."""
     hanging = np.stack(coordinates(s, groups.sigma, groups.c), -1)
+
+    def displacement(s_o: Array) -> Array:
+        return _station_points(statics(s_o), groups, s) - hanging  # (k, m, 2)
+
     step = 1e-5
-    w = _station_points(statics(s_o), groups, s) - hanging  # (k, m, 2)
-    later = _station_points(statics(s_o + step), groups, s) - hanging
-    earlier = _station_points(statics(s_o - step), groups, s) - hanging
-    change = (later - earlier) / (2.0 * step)  # with s_o
-    velocity = change * ds[:, None, None]
-    tension = statics.tension_at_stations(s, s_o)
-    return {"u": w[..., 0], "v": w[..., 1], "du": velocity[..., 0], "dv": velocity[..., 1], "T": tension}
+    change = (displacement(s_o + step) - displacement(s_o - step)) / (2.0 * step)  # with s_o
+    fields = {"T": statics.tension_at_stations(s, s_o)}
+    fields["u"], fields["v"] = np.moveaxis(displacement(s_o), 2, 0)
+    fields["du"], fields["dv"] = np.moveaxis(change * ds[:, None, None], 2, 0)
+    return fields
 
 
 def _station_points(r: Rest, groups: Groups, s: Array) -> Array:
@@ -311,7 +312,8 @@ class InertiaErrors:
 def with_inertia_error_bars(scene: Scene, r: Response) -> Response:
     """The quasi-static response with bars of its design numbers and events."""
     inertia = InertiaErrors.estimated(scene, float(r.speed.max()), r.max_deflection)
-    tension_max = max((row["value"] for row in r.design if row["quantity"] == "tension_max"), default=0.0)
+    tensions = [row["value"] for row in r.design if row["quantity"] == "tension_max"]
+    tension_max = max(tensions, default=0.0)
     design = [row | {"bar": inertia.number_bar(row, scene, tension_max)} for row in r.design]
     events = [event | inertia.event_bars(event, r.t, r.s_o, r.speed) for event in r.events]
     return replace(r, design=design, events=events)
@@ -321,10 +323,11 @@ def free_ride_events(scene: Scene) -> list[dict[str, Any]]:
     """Events of the quasi-static ride of a free car, in SI; none of another car."""
     l = scene.length
     time_scale = scene.time_scale
-    events = scene.ride.events if scene.ride is not None else []
-    return [
-        {"event": e.event, "t": e.t * time_scale, "s_o": e.s_o * l, "speed": e.speed * l / time_scale} for e in events
-    ]
+    rows: list[dict[str, Any]] = []
+    for x in scene.ride.events if scene.ride is not None else ():
+        speed = x.speed * l / time_scale
+        rows.append({"event": x.event, "t": x.t * time_scale, "s_o": x.s_o * l, "speed": speed})
+    return rows
 
 
 def quasi_static_events_with_bars(scene: Scene, full_run_deflection: float) -> list[dict[str, Any]]:

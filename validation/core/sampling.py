@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager
 from copy import copy
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -79,19 +80,20 @@ def _finite_states_noting_failure(history: History) -> States:
     return _select_states(states, slice(0, int(np.argmin(sound))))
 
 
-def path_fields_in_si(scene: Scene, t: Array, position: Array, w: Array) -> dict[str, Any]:
-    """Fields of a `MassPath` in SI.
+def scene_and_path_in_si(scene: Scene, t: Array, position: Array, w: Array) -> dict[str, Any]:
+    """Fields of a `Response` that say which scene, and the path of its mass, in SI.
 
     t : times (n,);  position : s_o/l (n,);  w : displacements of the mass (n, 2); all dimensionless.
     """
     l = scene.length
-    X = scene.catenary
     s_o = l * position
     u, v = l * w.T
-    return {
-        "drive": scene.drive.mode, "length": l, "t": scene.time_scale * t, "s_o": s_o, "x": X.x(s_o) + u,
-        "y": X.y(s_o) + v, "u": u, "v": v,
-    }  # fmt: skip
+    fields: dict[str, Any] = {"scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.drive.mode}
+    fields |= {"length": l, "horizontal_tension": scene.horizontal_tension}
+    fields |= {"t": scene.time_scale * t, "s_o": s_o, "u": u, "v": v}
+    fields["x"] = scene.catenary.x(s_o) + u
+    fields["y"] = scene.catenary.y(s_o) + v
+    return fields
 
 
 def _slack_onset_within(history: History, states: States) -> Onset | None:
@@ -105,28 +107,37 @@ def response_of_history(scene: Scene, history: History, *, frames: int = FRAMES,
     how : the fields that say what was run;  frames : smallest number of instants with fields.
     """
     states = _finite_states_noting_failure(history)
-    onset = _slack_onset_within(history, states)
     position, w = history.solver.mass_positions_and_displacements(states)
-    slack_onset = None if onset is None else float(position[onset.step])
-    cause, reason = history.failure or (None, None)
+    observe = partial(_observed_fields, scene, copy(history), states, frames, list(history.work.events))
+    fields = how | scene_and_path_in_si(scene, states.t, position, w)
+    fields["n_dof"] = history.states[0].q.size
+    fields["seconds"] = history.seconds
+    counts = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
+    fields["work"] = {name: getattr(history.work, name) for name in counts}
     motion = scene.groups.motion
     phases = [] if motion is None else motion.phases[1:]
-    breaks = [scene.time_scale * t for t, _ in phases if t < states.t[-1]]
-    work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
-    observed = LazyValue(partial(_observed_fields, scene, copy(history), states, frames, list(history.work.events)))
+    fields["breaks"] = [scene.time_scale * t for t, _ in phases if t < states.t[-1]]
+    fields["status"] = "complete" if history.failure is None else "incomplete"
+    fields["cause"], fields["reason"] = history.failure or (None, None)
+    onset = _slack_onset_within(history, states)
+    fields |= dict.fromkeys(("slack_onset", "slack_at", "switched"))
+    if onset is not None:
+        fields["slack_onset"] = float(position[onset.step])
+        fields["slack_at"] = float(onset.s)
+        fields["switched"] = None if history.after is None else fields["slack_onset"]
+    return Response(**fields, later=computed_when_looked_at(observe, OBSERVED))
 
-    def observed_field(name: str) -> Callable[[Response], Any]:
+
+def computed_when_looked_at(
+    observe: Callable[[], dict[str, Any]], names: Sequence[str]
+) -> dict[str, Callable[[Response], Any]]:
+    """What computes the named fields of a `Response`: all of them, once, when one is looked at."""
+    observed = LazyValue(observe)
+
+    def field(name: str) -> Callable[[Response], Any]:
         return lambda r: observed()[name]
 
-    return Response(
-        **how, **path_fields_in_si(scene, states.t, position, w), scene=scene.name, scene_toml=scene.to_toml(),
-        horizontal_tension=scene.horizontal_tension, status="complete" if history.failure is None else "incomplete",
-        cause=cause, reason=reason, slack_onset=slack_onset, slack_at=None if onset is None else float(onset.s),
-        switched=None if history.after is None else slack_onset, breaks=breaks,
-        work={name: getattr(history.work, name) for name in work}, n_dof=history.states[0].q.size,
-        seconds=history.seconds,
-        later={name: observed_field(name) for name in OBSERVED},
-    )  # fmt: skip
+    return {name: field(name) for name in names}
 
 
 def _observed_fields(
@@ -155,30 +166,29 @@ def observation_in_si(scene: Scene, observation: Observation, steps: NDArray[np.
     """
     l = scene.length
     H = scene.horizontal_tension
-    time_scale = scene.time_scale
-    speed = l / time_scale  # scale of velocities
-    scale = {"t": time_scale, "slope_behind": 1.0, "slope_ahead": 1.0, "du": speed, "dv": speed, "power": H * speed}
+    speed = l / scene.time_scale  # scale of velocities
+    scale = {"t": scene.time_scale, "power": H * speed}
+    scale |= dict.fromkeys(("slope_behind", "slope_ahead"), 1.0)
     scale |= dict.fromkeys(("s_o", "u", "v", "tension_min_at"), l)
+    scale |= dict.fromkeys(("du", "dv"), speed)
     scale |= dict.fromkeys(("energy", "kinetic", "strain", "potential"), H * l)
 
     def scaled_rows(rows: Any, *names: str) -> dict[str, Any]:
         """Rows of the named ones, forces if nothing else."""
         return {name: scale.get(name, H) * getattr(observation, name)[rows] for name in names}
 
+    at_frames = scaled_rows(~steps, "t", "s_o", *_TENSIONS)
+    at_frames |= scaled_rows(slice(None), "u", "v", "du", "dv", "T", "T_pointwise")
+    at_frames["mass_u"], at_frames["mass_v"] = l * observation.path[~steps].T
     x_rest, y_rest = scene.groups.coordinates(s)
-    mass_u, mass_v = l * observation.path[~steps].T
-    fields = Fields(
-        **scaled_rows(~steps, "t", "s_o", *_TENSIONS),
-        **scaled_rows(slice(None), "u", "v", "du", "dv", "T", "T_pointwise"), s=l * s,
-        mass_u=mass_u, mass_v=mass_v, x=l * x_rest, y=l * y_rest,
-        T_static=H * scene.groups.tension_and_slope(s)[0],
-    )  # fmt: skip
-    return {
-        "fields": fields, **scaled_rows(steps, *_STEP_FORCES), "velocity": speed * observation.path_velocity[steps],
-        "acceleration": speed / time_scale * observation.path_acceleration[steps],
-        "F_haul": H * observation.haul[steps],
-        "powers": {name: H * speed * power[steps] for name, power in observation.powers.items()},
-    }  # fmt: skip
+    T_static = H * scene.groups.tension_and_slope(s)[0]
+    result = scaled_rows(steps, *_STEP_FORCES)
+    result["fields"] = Fields(**at_frames, s=l * s, x=l * x_rest, y=l * y_rest, T_static=T_static)
+    result["velocity"] = speed * observation.path_velocity[steps]
+    result["acceleration"] = speed / scene.time_scale * observation.path_acceleration[steps]
+    result["F_haul"] = H * observation.haul[steps]
+    result["powers"] = {name: H * speed * power[steps] for name, power in observation.powers.items()}
+    return result
 
 
 def _nearest_index(times: Array, t: float) -> int:
@@ -192,8 +202,7 @@ def _car_events(scene: Scene, passed: list[PassedEvent], t: Array, s_o: Array, v
     """
     drive = scene.groups.drive
     prescribed = [PassedEvent("release", drive.release)]
-    for end, _ in drive.thrust_table[-1:]:
-        prescribed.append(PassedEvent("thrust_end", end))
+    prescribed += [PassedEvent("thrust_end", end) for end, _ in drive.thrust_table[-1:]]
     events = [event for event in prescribed if 0.0 < event.t <= t[-1]]
     for event in passed:
         if event.name == "stop":
@@ -206,10 +215,9 @@ def _car_events(scene: Scene, passed: list[PassedEvent], t: Array, s_o: Array, v
     rows = []
     for event in sorted(events, key=lambda event: event.t):
         i = _nearest_index(t, event.t)
-        speed = 0.0 if event.name == "stop" else float(np.hypot(*velocity[i]))
-        t_event = float(scene.time_scale * t[i])
-        position = float(scene.length * s_o[i])
-        rows.append({"event": event.name, "t": t_event, "s_o": position, "speed": speed})
+        row = {"event": event.name, "t": float(scene.time_scale * t[i]), "s_o": float(scene.length * s_o[i])}
+        row["speed"] = 0.0 if event.name == "stop" else float(np.hypot(*velocity[i]))
+        rows.append(row)
     return rows
 
 
@@ -269,9 +277,9 @@ def _times_at_position_marks(motion: Motion, frames: int) -> Array:
     passed = motion.times_at_positions(marks[on_the_way])
     edges = np.unique(np.concatenate([[0.0], passed, [end_time]]))
     longest = end_time / frames
-    parts = np.ceil(np.diff(edges) / longest * (1.0 - 1e-9)).astype(int)
     filled = []
-    for low, high, count in zip(edges[:-1], edges[1:], parts, strict=True):
+    for low, high in pairwise(edges.tolist()):
+        count = math.ceil((high - low) / longest * (1.0 - 1e-9))
         filled.append(np.linspace(low, high, count, endpoint=False))
     first = 0 if motion.start_position > 0.0 else 1
     return np.concatenate(filled)[first:]
@@ -306,19 +314,23 @@ def _observe_steps_and_frames(
     """Observe steps and frames together with the law in force; also which rows (n,) are steps."""
     observations = []
     is_step = []
-    end = int(np.searchsorted(steps.t, switch, side="right"))
-    frames_end = int(np.searchsorted(frames.t, switch, side="right"))
-    pieces = [(history.solver, _select_states(steps, slice(end)), _select_states(frames, slice(frames_end)))]
-    if history.after is not None:
-        steps_after = _select_states(steps, slice(end, None))
-        pieces.append((history.after, steps_after, _select_states(frames, slice(frames_end, None))))
-    for solver, of_steps, of_frames in pieces:
+    solvers = [history.solver] if history.after is None else [history.solver, history.after]
+    for solver in solvers:
+        before = solver is history.solver
+        of_steps = _states_on_side(steps, switch, before)
+        of_frames = _states_on_side(frames, switch, before)
         n = of_steps.t.size
         k = of_frames.t.size
         if n + k:
             observations.append(solver.observe(_concatenate_states(of_steps, of_frames), s, n + np.arange(k)))
             is_step.append(np.arange(n + k) < n)
     return Observation.concatenated(observations), np.concatenate(is_step)
+
+
+def _states_on_side(states: States, switch: float, before: bool) -> States:
+    """The states up to the time of a switch, or those after it."""
+    end = int(np.searchsorted(states.t, switch, side="right"))
+    return _select_states(states, slice(end) if before else slice(end, None))
 
 
 def _concatenate_states(a: States, b: States) -> States:
