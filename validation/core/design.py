@@ -63,7 +63,8 @@ def _deceleration_tracks(r: Response) -> list[Track]:
         return []
     speed = r.speed
     lost = -np.sum(r.velocity * r.acceleration, axis=1)
-    return [Track(r.t, np.divide(lost, speed, out=np.zeros_like(speed), where=speed > 0.0), r.s_o)]
+    rate = np.divide(lost, speed, out=np.zeros_like(speed), where=speed > 0.0)
+    return [Track(r.t, rate, r.s_o)]
 
 
 def _magnitude(reaction: Array) -> Array:
@@ -72,7 +73,8 @@ def _magnitude(reaction: Array) -> Array:
 
 def _degrees_to_horizontal(reaction: Array) -> Array:
     """Angle [deg] of a reaction (n, 2) to the horizontal."""
-    return np.degrees(np.arctan2(np.abs(reaction[:, 1]), np.abs(reaction[:, 0])))
+    horizontal, vertical = np.abs(reaction.T)
+    return np.degrees(np.arctan2(vertical, horizontal))
 
 
 def _tracks_at_support(side: str, component: Callable[[Array], Array] = _magnitude) -> Tracks:
@@ -86,17 +88,16 @@ def _tracks_at_support(side: str, component: Callable[[Array], Array] = _magnitu
 
 
 def _tension_tracks(r: Response) -> list[Track]:
-    at_mass = _tracks_at_mass(lambda r: r.T_behind, lambda r: r.T_ahead)(r)
-    return [
-        *at_mass,
-        Track(r.fields.t, r.fields.T, r.fields.s),
-        *_tracks_at_support("left")(r),
-        *_tracks_at_support("right")(r),
-    ]
+    tracks = _tracks_at_mass(lambda r: r.T_behind, lambda r: r.T_ahead)(r)
+    tracks.append(Track(r.fields.t, r.fields.T, r.fields.s))
+    for side in ("left", "right"):
+        tracks += _tracks_at_support(side)(r)
+    return tracks
 
 
 def _depth_tracks(r: Response) -> list[Track]:
-    return [Track(r.t, r.y, r.s_o), Track(r.fields.t, r.fields.y + r.fields.v, r.fields.s)]
+    f = r.fields
+    return [Track(r.t, r.y, r.s_o), Track(f.t, f.y + f.v, f.s)]
 
 
 def _horizontal_magnitude(reaction: Array) -> Array:
@@ -182,7 +183,8 @@ def demands_of_limits(scene: Scene) -> set[str]:
 def _car_sag_tracks(r: Response) -> list[Track]:
     """Depth of the car below the chord."""
     f = r.fields
-    return [Track(r.t, r.y - r.x * f.y[-1] / f.x[-1], r.s_o)]
+    chord = r.x * f.y[-1] / f.x[-1]
+    return [Track(r.t, r.y - chord, r.s_o)]
 
 
 def _numbers_for_limits(scene: Scene) -> Iterator[Number]:
@@ -204,10 +206,11 @@ def _number_of_sag_at_rest(scene: Scene) -> Number:
     from validation.core.quasi_static import Statics  # splines are slow to load
 
     count = 2001  # positions of the car
-    points = scene.length * Statics(scene.groups)(np.linspace(0.0, 1.0, count)).car_point  # (n, 2)
-    sag = points[:, 1] - points[:, 0] * scene.supports.drop / scene.supports.span
+    at_rest = Statics(scene.groups)(np.linspace(0.0, 1.0, count))
+    x, y = scene.length * at_rest.car_point.T
+    sag = float((y - x * scene.supports.drop / scene.supports.span).max())
     interpolation = 1e-5  # of the sag, of `Statics` and between these positions
-    return _design_row("sag_car_rest", float(sag.max()), interpolation * float(sag.max()), "m")
+    return _design_row("sag_car_rest", sag, interpolation * sag, "m")
 
 
 def _accelerations_of_timetable(scene: Scene) -> list[float]:
@@ -220,7 +223,9 @@ def _accelerations_of_timetable(scene: Scene) -> list[float]:
     rates: list[float] = []
     samples = 21  # accelerations are linear in a phase
     for phase, (_, end) in enumerate(motion.phases):
-        rates += [motion.position_with_rates(float(t), phase)[2] * unit for t in np.linspace(begin, end, samples)]
+        for t in np.linspace(begin, end, samples).tolist():
+            _, _, acceleration = motion.position_with_rates(t, phase)
+            rates.append(acceleration * unit)
         begin = end
     return rates
 
@@ -254,7 +259,8 @@ def design_numbers(ladder_or_run: Ladder | Response, counterpart: Ladder | None 
     r = ladder_or_run.finest if isinstance(ladder_or_run, Ladder) else ladder_or_run
     other = None if counterpart is None else counterpart.finest
     scene = _scene_of_toml(r.scene_toml)
-    extremes = [_number_of_extreme(name, x, r, ladder) for name, x in signals_over_common_time(r, other).items()]
+    signals = signals_over_common_time(r, other)
+    extremes = [_number_of_extreme(name, signal, r, ladder) for name, signal in signals.items()]
     numbers = [number for number in extremes if number is not None]
     safety_factor = _safety_factor_number(r, numbers)
     if safety_factor is not None:
@@ -330,13 +336,11 @@ def _number_of_extreme(quantity: str, signal: Signal, r: Response, ladder: Ladde
         return None
     bar = math.inf
     if ladder is not None:
-        bar = _bar_of_extreme(signal, extreme, signal.period, ladder, FIRST if signal.period else math.inf)
-    where: dict[str, float | None] = {
-        "t": extreme.t,
-        "s_o": float(np.interp(extreme.t, r.t, r.s_o)),
-        "x": float(np.interp(extreme.s, r.fields.s, r.fields.x)),
-        "s": extreme.s,
-    }
+        order = FIRST if signal.period else math.inf
+        bar = _bar_of_extreme(signal, extreme, signal.period, ladder, order)
+    where: dict[str, float | None] = {"t": extreme.t, "s": extreme.s}
+    where["s_o"] = float(np.interp(extreme.t, r.t, r.s_o))
+    where["x"] = float(np.interp(extreme.s, r.fields.s, r.fields.x))
     if unit == "N":
         raw = replace(signal, period=0.0)
         bar_peak = math.inf
@@ -386,7 +390,8 @@ class Signal:
             return self._extremes_along_cable(track)
         t, value, s = self._samples_in_time_span(track)
         if self.period and t.size > 2:
-            low, high = (np.clip(t + half * self.period, t[0], t[-1]) for half in (-0.5, 0.5))
+            low = np.clip(t - 0.5 * self.period, t[0], t[-1])
+            high = np.clip(t + 0.5 * self.period, t[0], t[-1])
             value = time_means_between(t, value[:, None], low, high)[:, 0]
         return Track(t, value, s)
 
@@ -402,8 +407,10 @@ class Signal:
             sums = np.concatenate([0.0 * value[:1], np.cumsum(value, axis=0)])
             k = np.arange(t.size)
             half = 0.5 * self.period
-            first = np.minimum(np.searchsorted(t, t - half), np.maximum(k - 1, 0))
-            last = np.maximum(np.searchsorted(t, t + half, side="right"), np.minimum(k + 2, t.size))
+            before = np.maximum(k - 1, 0)
+            after = np.minimum(k + 2, t.size)
+            first = np.minimum(np.searchsorted(t, t - half), before)
+            last = np.maximum(np.searchsorted(t, t + half, side="right"), after)
             value = (sums[last] - sums[first]) / (last - first)[:, None]
         at = (self.quantity.sign * value).argmax(axis=1)
         return Track(t, value[np.arange(t.size), at], track.s[at])
@@ -467,9 +474,9 @@ def _is_at_boundary(extreme: _Extreme, r: Response, time_span: tuple[float, floa
 
 def _slack_onset_number(r: Response, other: Response | None, ladder: Ladder | None) -> Number | None:
     """Where slack begins, if before waves are slower than the mass in either run: no bar holds from there on."""
-    if r.slack_onset is None or r.slack_onset > min(
-        position_where_mass_outruns_waves(r), position_where_mass_outruns_waves(other or r)
-    ):
+    if r.slack_onset is None:
+        return None
+    if r.slack_onset > min(position_where_mass_outruns_waves(x) for x in (r, other or r)):
         return None
 
     def onset_or_nan(x: Response) -> float:

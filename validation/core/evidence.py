@@ -303,7 +303,9 @@ class Evidence:
     @property
     def mean_stretch(self) -> Array:
         """Mean (n,) of |r'| on both sides of the car."""
-        return np.asarray(0.5 * (np.hypot(*self.r.slope_behind.T) + np.hypot(*self.r.slope_ahead.T)))
+        behind = np.hypot(*self.r.slope_behind.T)
+        ahead = np.hypot(*self.r.slope_ahead.T)
+        return np.asarray(0.5 * (behind + ahead))
 
     def _powers_on_rolling_car(self) -> dict[str, Array]:
         """Powers (n,) [W] of drive, friction, brakes, drag, and of what holds the car until its release."""
@@ -316,13 +318,12 @@ class Evidence:
         friction, brakes = self.rolling_friction_and_brake_force
         x = np.minimum(r.t / release, 1.0) if release else np.ones(r.t.size)
         holding_force = (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x)
-        return {
-            "thrust" if r.drive == "free" else "haul": self.thrust_or_haul_force * along,
-            "friction": -friction * stretch * speed,
-            "brake": -brakes * stretch * speed,
-            "drag": np.sum(self.air_drag_force * r.velocity, axis=1),
-            "hold": holding_force * self.travel_speed,
-        }
+        powers = {"thrust" if r.drive == "free" else "haul": self.thrust_or_haul_force * along}
+        powers["friction"] = -friction * stretch * speed
+        powers["brake"] = -brakes * stretch * speed
+        powers["drag"] = np.sum(self.air_drag_force * r.velocity, axis=1)
+        powers["hold"] = holding_force * self.travel_speed
+        return powers
 
 
 def _array_fields(x: Any) -> dict[str, Array]:

@@ -213,7 +213,8 @@ def _defect_without_position(*values: float) -> Defect:
 def _defect_at_window_times(evidence: Evidence, value: Array) -> Defect:
     """The defect of values (k,) or (k, ...) at window times."""
     frames = evidence.window_frame_indices
-    return Defect(evidence.r.fields.s_o[frames] / evidence.r.length, value.reshape(frames.size, -1))
+    s_o = evidence.r.fields.s_o[frames] / evidence.r.length
+    return Defect(s_o, value.reshape(frames.size, -1))
 
 
 def _window_change_defect(evidence: Evidence, conserved: Array, scale: float, t: Array | None = None) -> Defect:
@@ -363,12 +364,10 @@ def _event_gaps(evidence: Evidence, start: float) -> list[float]:
     drive = evidence.data.drive
     l = r.fields.s[-1]
     thrust_times, _ = thrust_times_and_forces(drive)
-    times = {"release": [drive.get("release", 0.0)], "thrust_end": thrust_times[-1:].tolist()}
-    positions = {  # [m] one of which is that of the event
-        "brake": [brake["from"] for brake in drive.get("brake", [])],
-        "arrival": [drive.get("end", {}).get("place", 0.99 * l)],
-        "back": [0.5 * min(start, 0.01 * l)],
-    }
+    times = {"release": drive.get("release", 0.0), "thrust_end": float(thrust_times[-1])}
+    # [m] one of which is that of the event
+    positions = {"arrival": [drive.get("end", {}).get("place", 0.99 * l)], "back": [0.5 * min(start, 0.01 * l)]}
+    positions["brake"] = [brake["from"] for brake in drive.get("brake", [])]
     gaps = []
     for event in r.events:
         kind = event["event"]
@@ -379,8 +378,10 @@ def _event_gaps(evidence: Evidence, start: float) -> list[float]:
             speed = _excess_speed_after_stop(evidence)
         gaps.append((np.interp(t, r.t, r.s_o) - s_o) / l)
         gaps.append((speed - event["speed"]) / float(r.speed.max()))
-        gaps.extend(sorted(abs(t - x) / r.t[-1] for x in times.get(kind, []))[:1])
-        gaps.extend(sorted(abs(s_o - x) / l for x in positions.get(kind, []))[:1])
+        if kind in times:
+            gaps.append(abs(t - times[kind]) / r.t[-1])
+        if positions.get(kind):
+            gaps.append(min(abs(s_o - x) for x in positions[kind]) / l)
     return gaps
 
 
@@ -710,7 +711,8 @@ def stored_energies_defect(evidence: Evidence) -> Defect:
     """Energies are those of the run, and sum to the total."""
     r = evidence.r
     stored = np.stack([r.kinetic, r.potential, r.strain, r.energy], axis=1)
-    total = evidence.interpolate_steps(evidence.window_times, np.sum(stored[:, :3], axis=1)[:, None])
+    sums = np.sum(stored[:, :3], axis=1)[:, None]
+    total = evidence.interpolate_steps(evidence.window_times, sums)
     computed = np.concatenate([evidence.energies_at_window_times, total], axis=1)  # (k, 4)
     off = evidence.interpolate_steps(evidence.window_times, stored) - computed
     return _window_change_defect(evidence, off, evidence.energy_scale)

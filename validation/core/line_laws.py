@@ -14,9 +14,9 @@ import itertools
 import json
 import math
 import re
-import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -32,7 +32,6 @@ LOWEST = -1e-6  # [m] least clearance of what touches
 ANGLES = ("knee", "knee_empty", "direction")
 LENGTHS = ("x", "depth", "rope_over", "rise", "shift", "sag", "clearance_rope", "clearance_car")
 PositionNumbers = dict[str, Any]  # by name: a value, a word or None
-Extremes = Mapping[str, tuple[float, float]]  # smallest and largest value
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +111,10 @@ class LineAtRest(LineData):
 
     def contact_stations(self) -> list[Station]:
         """Stations of the empty line, in order of x."""
-        stations = [Station(c["name"], c["kind"], c["at"][0], c["at"][1], c) for c in self.contacts]
+        stations = []
+        for contact in self.contacts:
+            x, y = contact["at"]
+            stations.append(Station(contact["name"], contact["kind"], x, y, contact))
         return sorted(stations, key=lambda station: station.x)
 
     def stations_at_position(self, i: int, cars_on_rope_at_x: Mapping[str, float] | None = None) -> list[Station]:
@@ -146,14 +148,14 @@ class RopeAtRest:
         self.haul = np.asarray(state.haul)
         self.reach = float(np.ptp([station.x for station in stations]))
         self.tensions = np.linalg.norm([self.behind, self.ahead], axis=2)  # (2, n), nan outside
-        self.tension_max = float(max(self.tensions[0, 1:].max(), self.tensions[1, :-1].max()))
+        self.tension_max = float(np.nanmax(self.tensions))
 
     def station_index(self, name: str) -> int:
         return [station.name for station in self.stations].index(name)
 
     def points_and_tension_at_s(self, s: Array) -> tuple[Array, Array, Array]:
         """x, y [m] and tension [N] at s (m,) [m]."""
-        k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, self.s.size - 2)
+        k = np.searchsorted(self.s[1:-1], s, side="right")  # pieces of these points
         S = s - self.s[k]
         H, P = self.ahead[k].T
         P1 = P - self.q * S
@@ -166,7 +168,7 @@ class RopeAtRest:
 
     def depth_and_tension_at_x(self, x: Array) -> tuple[Array, Array]:
         """Depth [m] and tension [N] at x (m,) [m], by bisection and three steps of Newton's method."""
-        k = np.clip(np.searchsorted(self.points[:, 0], x, side="right") - 1, 0, self.s.size - 2)
+        k = np.searchsorted(self.points[1:-1, 0], x, side="right")  # pieces over x
         low = self.s[k]
         high = self.s[k + 1]
         for _ in range(12):
@@ -205,11 +207,19 @@ class RopeAtRest:
         return float(np.linalg.norm(nearest, axis=1).min())
 
 
+def _empty_rope(data: LineAtRest, rest: StatesAtRest) -> RopeAtRest:
+    return RopeAtRest(data, rest.empty, data.contact_stations(), empty=True)
+
+
+def _rope_at_position(data: LineAtRest, rest: StatesAtRest, i: int) -> RopeAtRest:
+    return RopeAtRest(data, rest.states[i], data.stations_at_position(i))
+
+
 def _ropes_of_all_states(data: LineAtRest, rest: StatesAtRest) -> Iterator[tuple[str, RopeAtRest]]:
     """All states of a line, with their names: empty, by position, with a car at an end of a shoe."""
-    yield "empty", RopeAtRest(data, rest.empty, data.contact_stations(), empty=True)
-    for i, state in rest.states.items():
-        yield f"position {i + 1}", RopeAtRest(data, state, data.stations_at_position(i))
+    yield "empty", _empty_rope(data, rest)
+    for i in rest.states:
+        yield f"position {i + 1}", _rope_at_position(data, rest, i)
     for i, name in rest.shoe_ends:
         for rope in _ropes_at_shoe_ends(data, rest, i, name):
             yield f"position {i + 1}, {name} at an end of the shoe", rope
@@ -220,10 +230,10 @@ def _ropes_at_shoe_ends(data: LineAtRest, rest: StatesAtRest, position: int, car
     car = next(car for car in data.cars if car["name"] == car_name)
     saddle = data.saddle_under_car(car, position)
     assert saddle is not None
-    top = saddle["at"][0]
+    middle = saddle["at"][0]
     ropes = []
-    for x, state in zip((top - saddle["shoe"], top + saddle["shoe"]), rest.shoe_ends[position, car_name], strict=True):
-        stations = data.stations_at_position(position, {car_name: x})
+    for side, state in zip((-1.0, 1.0), rest.shoe_ends[position, car_name], strict=True):
+        stations = data.stations_at_position(position, {car_name: middle + side * saddle["shoe"]})
         ropes.append(RopeAtRest(data, state, stations))
     return ropes
 
@@ -322,9 +332,8 @@ def _defects_of_stations(rope: RopeAtRest) -> Iterator[tuple[str, Any]]:
 # --- numbers --------------------------------------------------------------------------------------------------------
 
 
-def numbers_by_position(toml: str, rest: StatesAtRest) -> list[PositionNumbers | None]:
+def numbers_by_position(data: LineAtRest, rest: StatesAtRest) -> list[PositionNumbers | None]:
     """The numbers of each position, named as in positions.csv; None without rest."""
-    data = LineAtRest(toml)
     numbers: list[PositionNumbers | None] = [None] * len(rest.positions)
     for i in rest.states:
         numbers[i] = _numbers_at_position(data, rest, i)
@@ -332,7 +341,7 @@ def numbers_by_position(toml: str, rest: StatesAtRest) -> list[PositionNumbers |
 
 
 def _numbers_at_position(data: LineAtRest, rest: StatesAtRest, position: int) -> PositionNumbers:
-    rope = RopeAtRest(data, rest.states[position], data.stations_at_position(position))
+    rope = _rope_at_position(data, rest, position)
     row: PositionNumbers = {"position": position + 1}
     for car in data.cars:
         row |= _numbers_at_car(data, rest, rope, position, car)
@@ -389,7 +398,7 @@ def _car_depth_on_shoe(left: Array, right: Array, x: float, top: Array) -> float
 
     A cubic leaves the end along its chord, and passes the saddle with the mean slope of both chords.
     """
-    slope_left, slope_right = (float((top[1] - end[1]) / (top[0] - end[0])) for end in (left, right))
+    slope_left, slope_right = (float(dy / dx) for dx, dy in (top - left, top - right))
     on_left = x <= top[0]
     end = left if on_left else right
     slope = slope_left if on_left else slope_right
@@ -410,7 +419,7 @@ def _numbers_at_contact(
         on_shoe = [car for car in data.cars if data.saddle_under_car(car, position) is contact]
         car_weight = sum(car["mass"] for car in on_shoe) * data.gravity
         row |= _numbers_at_saddle(rope.behind[k], rope.ahead[k], car_weight)
-        row["knee_empty"] = _degrees_of_bend(np.asarray(empty.behind)[j], np.asarray(empty.ahead)[j])
+        row["knee_empty"] = _degrees_of_bend(empty.behind[j], empty.ahead[j])
         row["rope_over"] = float(empty.s[j] - rope.s[k])
     elif contact["kind"] == "counterweight":
         taken = float(np.ptp(rope.s) - np.ptp(empty.s))
@@ -465,9 +474,8 @@ def _min_height_of_rope(rope: RopeAtRest, profile: Array) -> float | None:
     return float(heights.min()) if heights.size else None
 
 
-def extremes_of_numbers(toml: str, rows: Sequence[PositionNumbers | None]) -> dict[str, tuple[float, float]]:
+def extremes_of_numbers(data: LineAtRest, rows: Sequence[PositionNumbers | None]) -> dict[str, tuple[float, float]]:
     """Smallest and largest value of each number over all positions; of cars also where they pass between two."""
-    data = LineAtRest(toml)
     at_rest = [row for row in rows if row]
     values: dict[str, list[float]] = {}
     for row in at_rest:
@@ -503,35 +511,15 @@ def printed_number_rows(
     A gap counts in parts of what is allowed: rounding, of a design number its bar, of the page half its last digit.
     words : how the page calls each kind of number.
     """
-    data = LineAtRest(toml)
-    gaps = LargestGaps()
-    rows = numbers_by_position(toml, rest)
-    known = extremes_of_numbers(toml, rows)
-    reach = data.contacts[-1]["at"][0]
-    tension = known["tension_max"][1]
-    pressures = [low for name, (low, _) in known.items() if name.startswith("pressure:")]
-    angle = math.degrees(tension / max(min(pressures, default=1.0), 1.0))
-    scales = dict.fromkeys(LENGTHS, reach) | dict.fromkeys(ANGLES, angle) | {"safety_factor": 1.0}
-
-    def rounding_allowed(name: str) -> float:
-        return ROUNDING * float(scales.get(_kind_without_extreme(name), tension))
-
-    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    refused = [i + 1 for i, row in enumerate(rows) if row is None]
-    gaps.note_difference("summary.json", "refused", [x["position"] for x in summary["refused"]], refused)
-    gaps.note_difference("summary.json", "positions", summary["positions"], len(rows))
-    length = float(np.ptp(rest.empty.s))
-    gaps.note_difference("summary.json", "empty_length", summary["empty_length"], length, ROUNDING * length)
-    _note_gaps_of_positions(gaps, rows, _read_csv_rows(folder / "positions.csv"), rounding_allowed)
-    _note_gaps_of_profile(gaps, data, rest, folder)
-    _note_gaps_of_design(gaps, data, rows, summary["design"], known, rounding_allowed)
-    _note_gaps_of_outcome(gaps, data, summary, known)
-    _note_gaps_of_page(gaps, page, summary, words)
-    for fault in limit_faults(summary["limits"], tomllib.loads(toml), summary["design"], ()):
-        gaps.note_gap("limits", fault, math.inf)
-    for fault in limit_table_faults(page, summary["limits"]):
-        gaps.note_gap("page, limits", fault, math.inf)
-    return list(gaps.rows("printed", BoundPart("catenaries", 1.0, "allowed")))
+    printed = _PrintedLine(toml, rest, folder)
+    printed.note_summary()
+    printed.note_positions()
+    printed.note_profile()
+    printed.note_design()
+    printed.note_outcome()
+    printed.note_page(page, words)
+    printed.note_limits(page)
+    return list(printed.gaps.rows("printed", BoundPart("catenaries", 1.0, "allowed")))
 
 
 def _kind_without_extreme(name: str) -> str:
@@ -551,150 +539,182 @@ def _float_or_none(cell: str | None) -> float | None:
         return None
 
 
-def _note_gaps_of_positions(
-    gaps: LargestGaps,
-    rows: Sequence[PositionNumbers | None],
-    table: list[dict[str, str]],
-    rounding: Callable[[str], float],
-) -> None:
-    """Note the gaps of all cells of positions.csv; rounding : that is allowed to a number by its name."""
-    gaps.note_difference("positions.csv", "rows", len(table), len(rows))
-    for i, (cells, row) in enumerate(zip(table, rows, strict=False)):
-        numbers: PositionNumbers = row or {"position": i + 1}
-        for name in {**cells, **numbers}:
-            kind, _, subject = name.partition(":")
-            where = f"{subject or 'the line'}, position {i + 1}"
-            expected = numbers.get(name)
-            cell: Any = cells.get(name) or ""
-            if isinstance(expected, float):
-                cell = _float_or_none(cell)
+class _PrintedLine:
+    """What the files of a line at rest say, a second computation of it, and the gaps between both."""
+
+    def __init__(self, toml: str, rest: StatesAtRest, folder: Path) -> None:
+        self.data = LineAtRest(toml)
+        self.rest = rest
+        self.folder = folder
+        self.summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        self.gaps = LargestGaps()
+        self.rows = numbers_by_position(self.data, rest)
+        self.extremes = extremes_of_numbers(self.data, self.rows)
+        self.tension_max = self.extremes["tension_max"][1]
+
+    @cached_property
+    def _scales(self) -> dict[str, float]:
+        """Scales of the kinds of numbers that are not forces."""
+        reach = self.data.contacts[-1]["at"][0]
+        pressures = [low for name, (low, _) in self.extremes.items() if name.startswith("pressure:")]
+        angle = math.degrees(self.tension_max / max(min(pressures, default=1.0), 1.0))
+        return dict.fromkeys(LENGTHS, reach) | dict.fromkeys(ANGLES, angle) | {"safety_factor": 1.0}
+
+    def _rounding(self, name: str) -> float:
+        """The rounding that is allowed to a number by its name."""
+        return ROUNDING * float(self._scales.get(_kind_without_extreme(name), self.tension_max))
+
+    def note_summary(self) -> None:
+        """Note the gaps of the positions, and of the length, in summary.json."""
+        refused = [i + 1 for i, row in enumerate(self.rows) if row is None]
+        printed = [x["position"] for x in self.summary["refused"]]
+        length = float(np.ptp(self.rest.empty.s))
+        self.gaps.note_difference("summary.json", "refused", printed, refused)
+        self.gaps.note_difference("summary.json", "positions", self.summary["positions"], len(self.rows))
+        printed_length = self.summary["empty_length"]
+        self.gaps.note_difference("summary.json", "empty_length", printed_length, length, ROUNDING * length)
+
+    def note_limits(self, page: str) -> None:
+        """Note each fault of the limits, and of their table on the page."""
+        for fault in limit_faults(self.summary["limits"], self.data.data, self.summary["design"], ()):
+            self.gaps.note_gap("limits", fault, math.inf)
+        for fault in limit_table_faults(page, self.summary["limits"]):
+            self.gaps.note_gap("page, limits", fault, math.inf)
+
+    def note_positions(self) -> None:
+        """Note the gaps of all cells of positions.csv."""
+        table = _read_csv_rows(self.folder / "positions.csv")
+        self.gaps.note_difference("positions.csv", "rows", len(table), len(self.rows))
+        for i, (cells, row) in enumerate(zip(table, self.rows, strict=False)):
+            numbers: PositionNumbers = row or {"position": i + 1}
+            for name in {**cells, **numbers}:
+                kind, _, subject = name.partition(":")
+                where = f"{subject or 'the line'}, position {i + 1}"
+                expected = numbers.get(name)
+                cell: Any = cells.get(name) or ""
+                if isinstance(expected, float):
+                    cell = _float_or_none(cell)
+                else:
+                    expected = "" if expected is None else str(expected)
+                self.gaps.note_difference(f"positions.csv, {kind}", where, cell, expected, self._rounding(name))
+
+    def note_profile(self) -> None:
+        """Note the gaps of profile.csv, and of the profile and the ropes drawn by ropes.json."""
+        gaps = self.gaps
+        table = _read_csv_rows(self.folder / "profile.csv")
+        drawn = json.loads((self.folder / "ropes.json").read_text(encoding="utf-8"))
+        x = np.array([float(row["x"]) for row in table])
+        columns = self._expected_profile(x)
+        lengths_allowed = ROUNDING * float(np.ptp(x))
+        tensions_allowed = ROUNDING * float(columns["tension_max"].max())
+        for name, expected in columns.items():
+            allowed = tensions_allowed if "tension" in name else lengths_allowed
+            for k, value in enumerate(expected.tolist()):
+                where = f"x = {x[k]:.6g} m"
+                gaps.note_difference(f"profile.csv, {name}", where, _float_or_none(table[k].get(name)), value, allowed)
+                gaps.note_difference("ropes.json", where, drawn["profile"][name][k], value, allowed)
+        for position, drawn_depths in drawn["depths"].items():
+            i = int(position) - 1
+            rope = _rope_at_position(self.data, self.rest, i)
+            off = np.abs(np.subtract(drawn_depths, rope.depth_and_tension_at_x(x)[0]))
+            gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / lengths_allowed)
+
+    def _expected_profile(self, x: Array) -> dict[str, Array]:
+        """Columns of profile.csv at x (m,): depth of the empty rope, extremes of depth and tension of all positions.
+
+        At a car that grips the tension jumps, and both of its values count.
+        """
+        near = 1e-9 * float(np.ptp(x))
+        left = np.clip(x - near, x[0], x[-1])
+        right = np.clip(x + near, x[0], x[-1])
+        depths = []
+        tensions = []
+        for i in self.rest.states:
+            rope = _rope_at_position(self.data, self.rest, i)
+            depths.append(rope.depth_and_tension_at_x(x)[0])
+            tensions += [rope.depth_and_tension_at_x(side)[1] for side in (left, right)]
+        columns = {"x": x}
+        columns["y_highest"] = np.min(depths, axis=0)
+        columns["y_lowest"] = np.max(depths, axis=0)
+        columns["tension_max"] = np.max(tensions, axis=0)
+        columns["tension_min"] = np.min(tensions, axis=0)
+        columns["y_rest"] = _empty_rope(self.data, self.rest).depth_and_tension_at_x(x)[0]
+        return columns
+
+    def note_design(self) -> None:
+        """Note the gaps of design numbers: value, positions of the cars then, value there; and missing ones."""
+        gaps = self.gaps
+        known = self.extremes
+        names = set()
+        for number in self.summary["design"]:
+            quantity = number["quantity"]
+            kind, colon, subject = quantity.partition(":")
+            name = quantity if quantity in known else _kind_without_extreme(quantity) + colon + subject
+            names.add(name)
+            allowed = self._rounding(name) + (number["bar"] or 0.0)
+            expected = known[name][kind.endswith("_max")] if name in known else None
+            gaps.note_difference("design", quantity, number["value"], expected, allowed)
+            i = number["position"] - 1
+            at = {car["name"]: self.data.x_of_car(car, i) for car in self.data.cars}
+            gaps.note_difference("design, positions of cars", quantity, number["at"], at)
+            row = self.rows[i] or {}
+            if name in row and not name.startswith("clearance_car"):
+                gaps.note_difference("design, value there", quantity, number["value"], row[name], allowed)
+        for name in known:
+            gaps.note_difference("design", name, name in names, True)
+
+    def note_outcome(self) -> None:
+        """Note unless the outcome names a rope beyond its breaking load first, then everything that is hit."""
+        gaps = self.gaps
+        text = self.summary["outcome"]
+        tension = self.tension_max
+        lowest = {name: low for name, (low, _) in self.extremes.items() if name.startswith("clearance")}
+        hit = {name.partition(":")[2].split(" over ")[-1] for name, low in lowest.items() if low < LOWEST}
+        broken = self.data.breaking_load is not None and tension > self.data.breaking_load
+        kinds = {"breaks": broken, "collides": hit, "incomplete": self.summary["refused"], "carries": True}
+        kind = next(kind for kind, holds in kinds.items() if holds)
+        gaps.note_difference("outcome", "kind", self.summary["outcome_kind"], kind)
+        gaps.note_difference("outcome", "breaking load", "breaking load" in text.split(";")[0], broken)
+        for name in hit:
+            named = f"{name} by " in text or "more" in text
+            gaps.note_difference("outcome", name, named, True)
+        kilonewtons = re.search(r"(\d+\.\d) kN", text)
+        if kilonewtons is not None:
+            gaps.note_difference("outcome", "tension", float(kilonewtons[1]), tension / 1e3, 0.06)
+        if hit:
+            depths = [float(x) for x in re.findall(r" by (\d+\.\d\d) m", text)]
+            deepest = max(depths, default=math.inf)
+            gaps.note_difference("outcome", "depth of a collision", deepest, -min(lowest.values()), 0.006)
+
+    def note_page(self, page: str, words: Mapping[str, Mapping[str, str]]) -> None:
+        """Note unless the table of the page shows each design number to half its last digit, with the cars then."""
+        shown = plain_text(self.summary["outcome"]) in plain_text(page)
+        self.gaps.note_difference("page", "outcome", shown, True)
+        table: dict[str, dict[str, str]] = {}
+        for label, content in re.findall(r'data-label="(quantity|largest|smallest)[^"]*"><div>(.*?)</div>', page, re.S):
+            cell = plain_text(content)
+            if label == "quantity":
+                row = table.setdefault(cell, {})
             else:
-                expected = "" if expected is None else str(expected)
-            gaps.note_difference(f"positions.csv, {kind}", where, cell, expected, rounding(name))
+                row[label] = cell
+        for number in self.summary["design"]:
+            kind, _, subject = number["quantity"].partition(":")
+            name = kind if kind in words and not subject else _kind_without_extreme(kind)
+            row = table.get(words[name]["words"].format(subject), {})
+            in_smallest = kind.endswith("_min") and row.get("smallest") != "the same"
+            self._note_shown_number(number, row.get("smallest" if in_smallest else "largest", ""))
 
-
-def _note_gaps_of_profile(gaps: LargestGaps, data: LineAtRest, rest: StatesAtRest, folder: Path) -> None:
-    """Note the gaps of profile.csv, and of the profile and the ropes drawn by ropes.json."""
-    table = _read_csv_rows(folder / "profile.csv")
-    drawn = json.loads((folder / "ropes.json").read_text(encoding="utf-8"))
-    x = np.array([float(row["x"]) for row in table])
-    columns = _expected_profile(data, rest, x)
-    lengths_allowed = ROUNDING * float(np.ptp(x))
-    tensions_allowed = ROUNDING * float(columns["tension_max"].max())
-    for name, expected in columns.items():
-        allowed = tensions_allowed if "tension" in name else lengths_allowed
-        for k, value in enumerate(expected.tolist()):
-            where = f"x = {x[k]:.6g} m"
-            gaps.note_difference(f"profile.csv, {name}", where, _float_or_none(table[k].get(name)), value, allowed)
-            gaps.note_difference("ropes.json", where, drawn["profile"][name][k], value, allowed)
-    for position, drawn_depths in drawn["depths"].items():
-        i = int(position) - 1
-        rope = RopeAtRest(data, rest.states[i], data.stations_at_position(i))
-        off = np.abs(np.subtract(drawn_depths, rope.depth_and_tension_at_x(x)[0]))
-        gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / lengths_allowed)
-
-
-def _expected_profile(data: LineAtRest, rest: StatesAtRest, x: Array) -> dict[str, Array]:
-    """Columns of profile.csv at x (m,): depth of the empty rope, extremes of depth and tension of all positions.
-
-    At a car that grips the tension jumps, and both of its values count.
-    """
-    near = 1e-9 * float(np.ptp(x))
-    left = np.clip(x - near, x[0], x[-1])
-    right = np.clip(x + near, x[0], x[-1])
-    depths = []
-    tensions = []
-    for i, state in rest.states.items():
-        rope = RopeAtRest(data, state, data.stations_at_position(i))
-        depths.append(rope.depth_and_tension_at_x(x)[0])
-        tensions += [rope.depth_and_tension_at_x(side)[1] for side in (left, right)]
-    columns = {"x": x}
-    columns["y_highest"] = np.min(depths, axis=0)
-    columns["y_lowest"] = np.max(depths, axis=0)
-    columns["tension_max"] = np.max(tensions, axis=0)
-    columns["tension_min"] = np.min(tensions, axis=0)
-    empty = RopeAtRest(data, rest.empty, data.contact_stations(), empty=True)
-    columns["y_rest"] = empty.depth_and_tension_at_x(x)[0]
-    return columns
-
-
-def _note_gaps_of_design(
-    gaps: LargestGaps, data: LineAtRest, rows: Sequence[PositionNumbers | None], design: Sequence[dict[str, Any]],
-    known: Extremes, rounding: Callable[[str], float],
-) -> None:  # fmt: skip
-    """Note the gaps of design numbers: value, positions of the cars then, value of that position; and missing ones."""
-    names = set()
-    for number in design:
-        quantity = number["quantity"]
-        kind, colon, subject = quantity.partition(":")
-        name = quantity if quantity in known else _kind_without_extreme(quantity) + colon + subject
-        names.add(name)
-        allowed = rounding(name) + (number["bar"] or 0.0)
-        expected = known[name][kind.endswith("_max")] if name in known else None
-        gaps.note_difference("design", quantity, number["value"], expected, allowed)
-        i = number["position"] - 1
-        at = {car["name"]: data.x_of_car(car, i) for car in data.cars}
-        gaps.note_difference("design, positions of cars", quantity, number["at"], at)
-        row = rows[i] or {}
-        if name in row and not name.startswith("clearance_car"):
-            gaps.note_difference("design, value there", quantity, number["value"], row[name], allowed)
-    for name in known:
-        gaps.note_difference("design", name, name in names, True)
-
-
-def _note_gaps_of_outcome(gaps: LargestGaps, data: LineAtRest, summary: dict[str, Any], known: Extremes) -> None:
-    """Note unless the outcome names a rope beyond its breaking load first, then everything that is hit."""
-    text = summary["outcome"]
-    tension = known["tension_max"][1]
-    lowest = {name.partition(":")[2]: low for name, (low, _) in known.items() if name.startswith("clearance")}
-    hit = {name.split(" over ")[-1] for name, low in lowest.items() if low < LOWEST}
-    broken = data.breaking_load is not None and tension > data.breaking_load
-    kinds = {"breaks": broken, "collides": hit, "incomplete": summary["refused"], "carries": True}
-    kind = next(kind for kind, holds in kinds.items() if holds)
-    gaps.note_difference("outcome", "kind", summary["outcome_kind"], kind)
-    gaps.note_difference("outcome", "breaking load", "breaking load" in text.split(";")[0], broken)
-    for name in hit:
-        named = f"{name} by " in text or "more" in text
-        gaps.note_difference("outcome", name, named, True)
-    kilonewtons = re.search(r"(\d+\.\d) kN", text)
-    if kilonewtons is not None:
-        gaps.note_difference("outcome", "tension", float(kilonewtons[1]), tension / 1e3, 0.06)
-    if hit:
-        depths = [float(x) for x in re.findall(r" by (\d+\.\d\d) m", text)]
-        deepest = max(depths, default=math.inf)
-        gaps.note_difference("outcome", "depth of a collision", deepest, -min(lowest.values()), 0.006)
-
-
-def _note_gaps_of_page(
-    gaps: LargestGaps, page: str, summary: dict[str, Any], words: Mapping[str, Mapping[str, str]]
-) -> None:
-    """Note unless the table of the page shows each design number to half its last digit, with the cars then."""
-    gaps.note_difference("page", "outcome", plain_text(summary["outcome"]) in plain_text(page), True)
-    table: dict[str, dict[str, str]] = {}
-    for label, content in re.findall(r'data-label="(quantity|largest|smallest)[^"]*"><div>(.*?)</div>', page, re.S):
-        cell = plain_text(content)
-        if label == "quantity":
-            row = table.setdefault(cell, {})
-        else:
-            row[label] = cell
-    for number in summary["design"]:
-        kind, _, subject = number["quantity"].partition(":")
-        name = kind if kind in words and not subject else _kind_without_extreme(kind)
-        row = table.get(words[name]["words"].format(subject), {})
-        in_smallest = kind.endswith("_min") and row.get("smallest") != "the same"
-        _note_gap_of_shown_number(gaps, number, row.get("smallest" if in_smallest else "largest", ""))
-
-
-def _note_gap_of_shown_number(gaps: LargestGaps, number: dict[str, Any], text: str) -> None:
-    """Note the gap of a design number to its text in the page's table, and whether the cars are named with it."""
-    where = number["quantity"]
-    parts = re.fullmatch(r"(-?\d+\.(\d+)) ?([a-zA-Z°]*)(?: \((.*)\))?", text)
-    if parts is None:
-        gaps.note_gap("page", where, math.inf)
-        return
-    value, decimals, unit, at = parts.groups()
-    factor = si_factor(unit, number["unit"])
-    last_digit = factor * 10.0 ** -len(decimals)
-    gaps.note_difference("page", where, float(value) * factor, number["value"], 0.51 * last_digit)
-    cars = ", ".join(f"{name} {x:.0f}" for name, x in number["at"].items())
-    gaps.note_difference("page, cars", where, at or cars, cars)
+    def _note_shown_number(self, number: dict[str, Any], text: str) -> None:
+        """Note the gap of a design number to its text in the page's table, and whether the cars are named with it."""
+        gaps = self.gaps
+        where = number["quantity"]
+        parts = re.fullmatch(r"(-?\d+\.(\d+)) ?([a-zA-Z°]*)(?: \((.*)\))?", text)
+        if parts is None:
+            gaps.note_gap("page", where, math.inf)
+            return
+        value, decimals, unit, at = parts.groups()
+        factor = si_factor(unit, number["unit"])
+        last_digit = factor * 10.0 ** -len(decimals)
+        gaps.note_difference("page", where, float(value) * factor, number["value"], 0.51 * last_digit)
+        cars = ", ".join(f"{name} {x:.0f}" for name, x in number["at"].items())
+        gaps.note_difference("page, cars", where, at or cars, cars)

@@ -180,10 +180,12 @@ class CarBody:
         front = self.touching[-1]
         direction = self._direction_of_travel()
         twice = np.diff(self.t) <= 0.0  # where a time stands twice a brake acts from the second on
-        s = sampled(car.s) + 1e-9 * (np.append(0.0, twice) - np.append(twice, 0.0))
+        shift = np.append(0.0, twice) - np.append(twice, 0.0)
+        s = sampled(car.s) + 1e-9 * shift
         for x, wheel in zip(self.touching[::-1], ("front", "rear"), strict=False):
             brake = self._braking_force(wheel, s)
-            rolling = drive.get("rolling_friction", 0.0) * np.abs(x.load) * (x.on_shoe == 0.0)  # a shoe has none
+            off_shoe = x.on_shoe == 0.0  # a shoe has no friction
+            rolling = drive.get("rolling_friction", 0.0) * np.abs(x.load) * off_shoe
             self.resistance = self.resistance + rolling + brake
             x.along = -direction * (rolling + brake)
         if drive.get("mode", "grip") == "grip":

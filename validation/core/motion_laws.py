@@ -107,14 +107,14 @@ def rope_chain(motion: Any) -> RopeChain:
     points = np.where(on_rope[..., None], motion.points, first.point[:, None])
     tension = np.where(on_rope, motion.tension, first.tension_ahead[:, None])
     s = np.column_stack([s, *(x.s for x in touching)])
-    points = np.concatenate([points, np.stack([x.point for x in touching], axis=1)], axis=1)
+    bodies = np.stack([x.point for x in touching], axis=1)  # (n, bodies, 2)
+    points = np.concatenate([points, bodies], axis=1)
     tension = np.column_stack([tension, *(mean_tension(x) for x in touching)])
     order = np.argsort(s, axis=1, kind="stable")
-    return RopeChain(
-        np.take_along_axis(s, order, axis=1),
-        np.take_along_axis(points, order[..., None], axis=1),
-        np.take_along_axis(tension, order, axis=1),
-    )
+    s = np.take_along_axis(s, order, axis=1)
+    points = np.take_along_axis(points, order[..., None], axis=1)
+    tension = np.take_along_axis(tension, order, axis=1)
+    return RopeChain(s, points, tension)
 
 
 class SampledMotion:
@@ -233,14 +233,15 @@ def momentum_defects_by_window(toml: str, motion: Any, end: float, every: int = 
         momentum += to_vectors(body.momentum)
     for contact in x.contacts:
         force -= x.at_samples(contact.pressure)
-    at_last, at_first = (x.at_samples(motion.contacts[k].point * motion.contacts[k].ds[:, None]) for k in (-1, 0))
-    entering = line.rho * (at_last - at_first)
+    at_ends = [x.at_samples(contact.point * contact.ds[:, None]) for contact in x.contacts]
+    entering = line.rho * (at_ends[-1] - at_ends[0])
     touching = [*x.contacts, *x.cars]
     largest = max(float(np.max(x.at_samples(mean_tension(body)))) for body in touching)
     defects = []
     for window in _time_windows(x.t, end):
         m = moment[window.part]
-        share = ((window.t - window.t[0]) / (window.t[-1] - window.t[0]))[:, None]
+        t = window.t
+        share = ((t - t[0]) / (t[-1] - t[0]))[:, None]
         m = m - (m[0] + share * (m[-1] - m[0]))  # W'' and a linear function have no integral
         change = window.W2[:, None] * m
         change += window.W1[:, None] * (entering[window.part] - momentum[window.part])
@@ -442,7 +443,8 @@ class _LineFiles:
         path = self.paths.get(name.partition(":")[2].partition(".")[0])
         if path is None:
             return
-        distance = abs(np.interp(number["t"], self.t, path["s_o"]) - number["s_o"])
+        s_o = np.interp(number["t"], self.t, path["s_o"])
+        distance = abs(s_o - number["s_o"])
         if distance > 1e-9 * number["s_o"]:
             yield f"{name}: the car is not at {number['s_o']:.6g} m then"
 
@@ -515,7 +517,8 @@ class _LineFiles:
         if not wheels:
             return stresses
         for side, N in (("rear", path["T_behind"]), ("front", path["T_ahead"])):
-            Q = path.get(f"wheel_{side}", 0.5 * path["F_contact"]) * 2.0 / wheels.get("count", 2)
+            load = path.get(f"wheel_{side}", 0.5 * path["F_contact"])
+            Q = load * 2.0 / wheels.get("count", 2)
             for kind, values in rope_stresses_at_wheel(self.line.data["cable"], wheels, N, Q).items():
                 stresses.setdefault(kind, []).append(values)
         return stresses
@@ -541,12 +544,12 @@ def _min_height_of_rope(profile: Array, motion: Any) -> float:
     for i in range(motion.t.size):
         known = np.isfinite(motion.tension[i])
         stations = np.column_stack([motion.s[known], motion.points[i, known]])  # rows s, x, y
-        bodies = [np.array([[body.s[i], *body.point[i]]]) for body in contacts_cars_and_rear_wheels(motion)]
-        chain = np.concatenate([stations, *bodies])
-        _, at, y = chain[np.argsort(chain[:, 0], kind="stable")].T
-        inside = (at >= x[0]) & (at <= x[-1])
-        at_corners = depth - np.interp(x, at, y)
-        at_vertices = np.interp(at[inside], x, depth) - y[inside]
+        bodies = [[body.s[i], *body.point[i]] for body in contacts_cars_and_rear_wheels(motion)]
+        chain = np.concatenate([stations, bodies])
+        _, x_rope, y = chain[np.argsort(chain[:, 0], kind="stable")].T
+        inside = (x_rope >= x[0]) & (x_rope <= x[-1])
+        at_corners = depth - np.interp(x, x_rope, y)
+        at_vertices = np.interp(x_rope[inside], x, depth) - y[inside]
         heights += [at_corners.min(), at_vertices.min(initial=math.inf)]
     return float(min(heights))
 
@@ -556,21 +559,25 @@ def _column_faults(
 ) -> Iterator[str]:
     """A sentence for each expected column (n,) that the table lacks or has with other values."""
     for name, values in expected.items():
-        scale = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
-        allowed = rounding * scale + 1e-12
-        same_shape = name in table and table[name].shape == values.shape
-        if not (same_shape and np.allclose(table[name], values, rtol=0.0, atol=allowed, equal_nan=True)):
+        scale = np.max(np.abs(values), initial=0.0, where=np.isfinite(values))
+        allowed = rounding * float(scale) + 1e-12
+        column = table.get(name, np.empty(0))
+        same_shape = column.shape == values.shape
+        if not (same_shape and np.allclose(column, values, rtol=0.0, atol=allowed, equal_nan=True)):
             yield f"{file}: {name} is not what was computed"
 
 
 def _moving_mean(t: Array, values: Array, period: float) -> Array:
     """Means over the `period` around each time, inside the run; the values follow splines between jumps."""
-    begins = np.clip(t - 0.5 * period, t[0], max(t[-1] - period, t[0]))
+    latest = max(t[-1] - period, t[0])
+    begins = np.clip(t - 0.5 * period, t[0], latest)
     ends = np.minimum(begins + period, t[-1])
     total = np.zeros(t.size)
-    for part in np.split(np.arange(t.size), np.flatnonzero(np.diff(t) <= 0.0) + 1):
+    jumps = np.flatnonzero(np.diff(t) <= 0.0)
+    for part in np.split(np.arange(t.size), jumps + 1):
         if part.size > 1:
             integral = CubicSpline(t[part], values[part]).antiderivative()
-            span = t[part[0]], t[part[-1]]
-            total += integral(np.clip(ends, *span)) - integral(np.clip(begins, *span))
+            first = t[part[0]]
+            last = t[part[-1]]
+            total += integral(np.clip(ends, first, last)) - integral(np.clip(begins, first, last))
     return total / (ends - begins)

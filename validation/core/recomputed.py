@@ -211,7 +211,7 @@ def _signals_at_car(r: Response, data: SceneData) -> dict[str, Array]:
     signals["sag_car"] = r.y - r.x * data.drop / data.span
     if r.drive == "free":
         along = r.velocity / np.where(speed > 0.0, speed, math.inf)[:, None]
-        signals["car_deceleration"] = -(along[:, 0] * r.acceleration[:, 0] + along[:, 1] * r.acceleration[:, 1])
+        signals["car_deceleration"] = -np.sum(along * r.acceleration, axis=1)
     return signals
 
 
@@ -358,9 +358,10 @@ def _expected_end_of_motion(r: Response, data: SceneData) -> ExpectedOutcome:
 def _expected_outcome_of_free_ride(r: Response, drive: dict[str, Any]) -> ExpectedOutcome:
     """The end of a free ride, by its last event."""
     speed = 3.6 * _speed(r)  # [km/h]
-    last = next((x for x in reversed(r.events) if x["event"] in ("arrival", "back", "stop")), None)
-    if last is None:
-        return ExpectedOutcome("rolling", [float(r.t[-1]), float(r.s_o[-1]), float(speed[-1])])
+    ends = [event for event in r.events if event["event"] in ("arrival", "back", "stop")]
+    if not ends:
+        return ExpectedOutcome("rolling", [float(values[-1]) for values in (r.t, r.s_o, speed)])
+    last = ends[-1]
     t = last["t"]
     s_o = last["s_o"]
     if last["event"] == "arrival":

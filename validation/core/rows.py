@@ -34,6 +34,7 @@ Gap = Callable[[Response, Response, View], float]
 Series = Callable[[Response], Array]
 Tolerance = Callable[[str], float]
 Event = dict[str, Any]
+Parts = Sequence[tuple[float, float]]  # of two bars, in space and time
 
 AXIAL_MEAN = "mean over an axial round trip"
 ALONG = "along the cable"
@@ -99,6 +100,7 @@ def _gap_of_fields(gap: Callable[..., float], **options: bool) -> Gap:
     return lambda x, y, view: gap(x, y, view.window, **options)
 
 
+_displacement_gap = partial(_gap_of_fields, measures.relative_displacement_gap)
 _rolls = attrgetter("rolls")
 _free = attrgetter("free")
 
@@ -107,31 +109,37 @@ def _hauled(view: View) -> bool:
     return view.rolls and not view.free
 
 
+def _force_quantities(mean: bool) -> list[Quantity]:
+    """Forces at the car and the supports: judged as means over an axial round trip, else only shown."""
+    kind = "force" if mean else ""
+    law = AXIAL_MEAN if mean else ""
+
+    def force(name: str, *series: str, over: str, concerns: Callable[[View], bool] = lambda view: True) -> Quantity:
+        return Quantity(name, _gap_of_series(*series, over=over, mean=mean), kind, law, concerns)
+
+    return [
+        force("tension_behind", "T_behind", over="H"),
+        force("tension_ahead", "T_ahead", over="H"),
+        force("reactions", "reaction_left", "reaction_right", over="H"),
+        force("contact", "F_contact", over="weight", concerns=_rolls),
+        force("haul_force", "F_haul", over="weight", concerns=_hauled),
+        force("thrust", "F_haul", over="weight", concerns=_free),
+    ]
+
+
 TABLE = (
     Quantity("path_max", _gap_of_path("largest"), "path"),
     Quantity("path_rms", _gap_of_path("rms"), "path"),
     Quantity("place", _gap_of_series("s_o", over="length", largest=True), "path", concerns=_free),
     Quantity("speed", _gap_of_series("speed", over="top_speed", mean=True), "path", AXIAL_MEAN, order=FIRST),
-    Quantity("tension_behind", _gap_of_series("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
-    Quantity("tension_ahead", _gap_of_series("T_ahead", over="H", mean=True), "force", AXIAL_MEAN),
-    Quantity("reactions", _gap_of_series("reaction_left", "reaction_right", over="H", mean=True), "force", AXIAL_MEAN),
-    Quantity("contact", _gap_of_series("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
-    Quantity("haul_force", _gap_of_series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_hauled),
-    Quantity("thrust", _gap_of_series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_free),
+    *_force_quantities(mean=True),
     Quantity("tension", _gap_of_fields(measures.rms_tension_gap_over_H), "rest"),
-    Quantity("displacement", _gap_of_fields(measures.relative_displacement_gap), "rest"),
-    Quantity("displacement", _gap_of_fields(measures.relative_displacement_gap, along_cable=True), "rest", ALONG),
+    Quantity("displacement", _displacement_gap(), "rest"),
+    Quantity("displacement", _displacement_gap(along_cable=True), "rest", ALONG),
     Quantity("speed", _gap_of_series("speed", over="top_speed", largest=True), ""),
-    Quantity("tension_behind", _gap_of_series("T_behind", over="H"), ""),
-    Quantity("tension_ahead", _gap_of_series("T_ahead", over="H"), ""),
-    Quantity("reactions", _gap_of_series("reaction_left", "reaction_right", over="H"), ""),
-    Quantity("contact", _gap_of_series("F_contact", over="weight"), ""),
-    Quantity("haul_force", _gap_of_series("F_haul", over="weight"), "", concerns=_hauled),
-    Quantity("thrust", _gap_of_series("F_haul", over="weight"), "", concerns=_free),
-    Quantity("velocity", _gap_of_fields(measures.relative_displacement_gap, velocity=True), ""),
-    Quantity(
-        "velocity", _gap_of_fields(measures.relative_displacement_gap, velocity=True, along_cable=True), "", ALONG
-    ),
+    *_force_quantities(mean=False),
+    Quantity("velocity", _displacement_gap(velocity=True), ""),
+    Quantity("velocity", _displacement_gap(velocity=True, along_cable=True), "", ALONG),
 )
 
 
@@ -167,7 +175,8 @@ def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) ->
     a = a.only_runs_covering(view)
     b = b.only_runs_covering(view)
     for quantity in TABLE:
-        if quantity.concerns(view) and all(_gap_is_known(quantity, x.finest, view) for x in (a, b)):
+        known = quantity.concerns(view) and all(_gap_is_known(quantity, x.finest, view) for x in (a, b))
+        if known:
             rows.append(_quantity_row(quantity, a, b, view, tolerance(quantity.tolerance_kind)))
     if view.free:
         for event in EVENTS:
@@ -245,13 +254,12 @@ def _functional_row(
     return _row_with_bars(name, gap, a, b, parts, required)
 
 
-def _row_with_bars(
-    name: str, gap: float, a: Ladder, b: Ladder, parts: list[tuple[float, float]], required: float
-) -> Agreement:
+def _row_with_bars(name: str, gap: float, a: Ladder, b: Ladder, parts: Parts, required: float) -> Agreement:
     """parts : of both ladders' bars, in space and time."""
     bars = []
-    for x, in_space_and_time in zip((a, b), parts, strict=True):
-        bars.append(BoundPart(x.finest.method, max(ROUNDING, sum(in_space_and_time)), "coarser runs"))
+    for ladder, in_space_and_time in zip((a, b), parts, strict=True):
+        bar = max(ROUNDING, sum(in_space_and_time))
+        bars.append(BoundPart(ladder.finest.method, bar, "coarser runs"))
     return Agreement(name, gap, Bound("error bars", tuple(bars)), required=required, parts=tuple(parts))
 
 
@@ -361,15 +369,11 @@ def quasi_static_event_rows(a: Ladder, quasi_static: list[Event], required: floa
         if full is None or static is None:
             continue
         for name, (what, scale) in scales.items():
-            own = full[EVENT_BARS[name]]
-            own_bar = math.inf if own is None else own / scale
-            static_bar = static[EVENT_BARS[name]] / scale
-            parts = (
-                BoundPart(a.finest.method, own_bar, "coarser runs"),
-                BoundPart("quasi-static", static_bar, "inertia of the rope"),
-            )
+            bar = full[EVENT_BARS[name]]
+            of_full = BoundPart(a.finest.method, math.inf if bar is None else bar / scale, "coarser runs")
+            of_static = BoundPart("quasi-static", static[EVENT_BARS[name]] / scale, "inertia of the rope")
             gap = abs(full[name] - static[name]) / scale
-            bound = Bound("error bars", parts)
+            bound = Bound("error bars", (of_full, of_static))
             law = f"{event}: {what}"
             yield Agreement("quasi-static", gap, bound, law=law, required=required, decides=False)
 
@@ -402,9 +406,11 @@ def _incomplete_range_rows(a: Ladder, b: Ladder, view: View, full: View, require
     runs = a.finest, b.finest
     missing = 0.0
     if not full.free:
-        missing = min(full.window[1], *(r.slack_onset_or_inf for r in runs)) - view.window[1]
+        onset = min(r.slack_onset_or_inf for r in runs)
+        missing = min(full.window[1], onset) - view.window[1]
     elif any(r.status != "complete" and r.slack_onset is None for r in runs):
-        missing = max(0.0, 1.0 - view.until / max(float(r.t[-1]) for r in runs))
+        longest = max(float(r.t[-1]) for r in runs)
+        missing = max(0.0, 1.0 - view.until / longest)
     if missing > 1e-6:
         unknown = [(math.inf, 0.0)] * 2
         yield replace(_row_with_bars("range", missing, a, b, unknown, required), where=view.window[1])
@@ -424,12 +430,12 @@ def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> 
         distances = trust.relative_path_distances_at(x, y, positions)
         return np.maximum.accumulate(np.nan_to_num(distances, nan=math.inf))
 
-    bars = [np.broadcast_to(x.bar(identity, largest_so_far, FIRST), positions.shape) for x in (a, b)]
-    allowed = bars[0] + bars[1]
+    bar_a, bar_b = (np.broadcast_to(x.bar(identity, largest_so_far, FIRST), positions.shape) for x in (a, b))
+    allowed = bar_a + bar_b
     gaps = largest_so_far(a.finest, b.finest)
     within = int(np.count_nonzero(np.maximum.accumulate(allowed) <= required))
     worst = int(np.argmax((gaps / allowed)[: max(1, within)]))
-    parts = [(float(bar[worst]), 0.0) for bar in bars]
+    parts = [(float(bar[worst]), 0.0) for bar in (bar_a, bar_b)]
     row = _row_with_bars("path_slack", float(gaps[worst]), a, b, parts, required)
     yield replace(row, decides=False, where=float(positions[worst]))
 

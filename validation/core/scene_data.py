@@ -69,7 +69,8 @@ def means_around_times(t: Array, values: Array, at: Array, period: float) -> Arr
     begin = np.clip(at - 0.5 * period, t[0], t[-1])
     end = np.clip(at + 0.5 * period, t[0], t[-1])
     duration = (end - begin).reshape(-1, *[1] * (values.ndim - 1))
-    return np.asarray((total(end) - total(begin)) / duration)
+    integral = total(end) - total(begin)
+    return np.asarray(integral / duration)
 
 
 def is_within(t: Array, begin: float, end: float) -> NDArray[np.bool_]:
@@ -85,16 +86,18 @@ def max_depth_at(at: Array, x: Array, y: Array) -> Array:
     for j, x_j in enumerate(at):
         i = np.flatnonzero((low <= x_j) & (x_j <= high) & (low < high))  # pieces over x_j
         w = (x_j - x[i]) / (x[i + 1] - x[i])
-        depths[j] = np.max(y[i] + w * (y[i + 1] - y[i]), initial=-math.inf)
+        crossings = y[i] + w * (y[i + 1] - y[i])
+        depths[j] = crossings.max(initial=-math.inf)
     return depths
 
 
 def min_height_over(profile: Array, x: Array, y: Array) -> float:
     """Smallest height [m] of a polyline (n,) over a profile (m, 2) of x and depth; inf where it is never above it."""
-    over = (x >= profile[0, 0]) & (x <= profile[-1, 0])
-    at_vertices = np.interp(x[over], profile[:, 0], profile[:, 1]) - y[over]
-    at_points = profile[:, 1] - max_depth_at(profile[:, 0], x, y)
-    return float(min(at_vertices.min(initial=math.inf), at_points.min()))
+    corners, depth = profile.T
+    over = (x >= corners[0]) & (x <= corners[-1])
+    at_vertices = np.interp(x[over], corners, depth) - y[over]
+    at_corners = depth - max_depth_at(corners, x, y)
+    return float(min(at_vertices.min(initial=math.inf), at_corners.min()))
 
 
 def obstacle_and_ground_profiles(scene: dict[str, Any]) -> dict[str, Array]:
@@ -148,8 +151,8 @@ class SceneData:
         self.drop = supports["drop"]
         self.mass: float = x["mass"]["mass"]
         self.weight = self.mass * self.gravity
-        # name and value
-        self.prescribed = next((name, cable[name]) for name in ("length", "sag", "horizontal_tension") if name in cable)
+        name = next(name for name in ("length", "sag", "horizontal_tension") if name in cable)
+        self.prescribed: tuple[str, float] = name, cable[name]
         self.travel = x.get("travel", {})
         self.drive = x.get("drive", {})
         self.cable = cable
@@ -160,13 +163,12 @@ class SceneData:
 
     def _apply_heat_and_ice(self, cable: dict[str, Any], length: float) -> None:
         """Heat lengthens the unstretched cable; ice adds weight."""
-        l, mean_tension = _catenary_length_and_mean_tension(
-            self.span, self.drop, self.rho * self.gravity, *self.prescribed
-        )
-        dT = cable["temperature"] - cable.get("reference_temperature", 0.0) if "temperature" in cable else 0.0
+        weight = self.rho * self.gravity
+        l, mean_tension = _catenary_length_and_mean_tension(self.span, self.drop, weight, *self.prescribed)
         self.rho = (self.rho + ice_mass_per_length(cable)) * l / length
         natural = l / (1.0 + mean_tension / self.EA)
-        self.prescribed = "unstretched", natural * (1.0 + cable.get("expansion", 0.0) * dT)
+        warmer = cable["temperature"] - cable.get("reference_temperature", 0.0) if "temperature" in cable else 0.0
+        self.prescribed = "unstretched", natural * (1.0 + cable.get("expansion", 0.0) * warmer)
 
     def _crosswind_drag_factor(self) -> float:
         """rho_air c_D d/2 [N s^2/m^3], d with ice."""
