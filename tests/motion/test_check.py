@@ -294,6 +294,17 @@ def test_cars_and_rope_in_motion_clear_what_they_pass(line_answers):
     assert found["clearance_rope:road"] <= found["clearance_car:up over road"] + 5.0 + 1e-9
 
 
+def test_ground_beyond_the_supports_is_not_beneath_the_rope(line, by_elements):
+    """A survey often goes on behind the stations, where the slope may be higher than the last support."""
+    valley = [[0.0, 300.0], [1200.0, 300.0]]
+    survey = [[-300.0, -900.0], [-1.0, -900.0], *valley, [1201.0, -900.0], [1500.0, -900.0]]
+    clearances = []
+    for ground in (valley, survey):
+        design = motion_answers(line.replace({"ground": ground}), by_elements, None).design
+        clearances.append(next(d["value"] for d in design if d["quantity"] == "clearance_rope:the ground"))
+    assert clearances[0] == clearances[1] > 0.0
+
+
 def test_a_line_in_motion_says_where_its_cars_are(line_answers):
     assert [car.name for car in line_answers.cars] == ["up", "down"]
     assert line_answers.contacts[2].rise[0] == 0.0

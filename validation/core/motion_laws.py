@@ -481,7 +481,8 @@ class _LineFiles:
         profile = self.profiles[over]
         if kind == "clearance_rope":
             at_cars = [min_height_over(profile, path["x"], path["y"]) for path in self.paths.values()]
-            return min(_min_height_of_rope(profile, self.motion), *at_cars)
+            span = self.line.contacts[-1]["at"][0]
+            return min(_min_height_of_rope(profile, self.motion, span), *at_cars)
         path = self.paths[body]
         return min_height_over(profile, path["x"], path["y"]) - self.line.cars[body].get("below", 0.0)
 
@@ -537,9 +538,10 @@ def _wheel_loads_by_hand(line: LineTables, car: Any, motion: Any) -> dict[str, A
     return {"wheel_rear": rope.load - front, "wheel_front": front}
 
 
-def _min_height_of_rope(profile: Array, motion: Any) -> float:
+def _min_height_of_rope(profile: Array, motion: Any, span: float) -> float:
     """Smallest height [m] over a profile (m, 2) of the rope, straight between stations, cars and contacts."""
     x, depth = profile.T
+    beneath = (x >= 0.0) & (x <= span)
     heights = []
     for i in range(motion.t.size):
         known = np.isfinite(motion.tension[i])
@@ -548,9 +550,9 @@ def _min_height_of_rope(profile: Array, motion: Any) -> float:
         chain = np.concatenate([stations, bodies])
         _, x_rope, y = chain[np.argsort(chain[:, 0], kind="stable")].T
         inside = (x_rope >= x[0]) & (x_rope <= x[-1])
-        at_corners = depth - np.interp(x, x_rope, y)
+        at_corners = depth[beneath] - np.interp(x[beneath], x_rope, y)
         at_vertices = np.interp(x_rope[inside], x, depth) - y[inside]
-        heights += [at_corners.min(), at_vertices.min(initial=math.inf)]
+        heights += [at_corners.min(initial=math.inf), at_vertices.min(initial=math.inf)]
     return float(min(heights))
 
 

@@ -454,10 +454,11 @@ def clearance_series(motion: LineMotion, line: Line) -> dict[str, tuple[Array, A
     beneath = obstacle_and_ground_profiles(line)
     below = {car.name: car.below for car in line.car}
     rope = rope_chain(motion).points if beneath else np.empty((motion.t.size, 0, 2))
+    span = line.contact[-1].at[0]
     clearances = {}
     for name, ground in beneath.items():
         times = [motion.t]
-        heights = [_min_heights_of_rope(rope, ground)]
+        heights = [_min_heights_of_rope(rope, ground, span)]
         for car in motion.cars:
             t, height = _heights_along_path(motion.t, car.point, ground)
             if t.size:
@@ -468,14 +469,15 @@ def clearance_series(motion: LineMotion, line: Line) -> dict[str, tuple[Array, A
     return clearances
 
 
-def _min_heights_of_rope(rope: Array, ground: Array) -> Array:
-    """Smallest height (n,) [m] of a rope (n, k, 2) over a ground (m, 2): at a corner of either."""
+def _min_heights_of_rope(rope: Array, ground: Array, span: float) -> Array:
+    """Smallest height (n,) [m] of a rope (n, k, 2) over the ground (m, 2) of a span [m]: at a corner of either."""
     x, depth = ground.T
-    at_corners = depth - rope_depths(rope, x)  # (n, m)
+    between = (x >= 0.0) & (x <= span)  # ground beyond the supports is not beneath the rope
+    at_corners = depth[between] - rope_depths(rope, x[between])  # (n, corners)
     x_rope, y = np.moveaxis(rope, 2, 0)  # (n, k)
     over = (x_rope >= x[0]) & (x_rope <= x[-1])
     at_points = np.where(over, np.interp(x_rope, x, depth) - y, np.inf)
-    return np.minimum(at_corners.min(axis=1), at_points.min(axis=1))
+    return np.minimum(at_corners.min(axis=1, initial=np.inf), at_points.min(axis=1))
 
 
 def _heights_along_path(t: Array, path: Array, ground: Array) -> tuple[Array, Array]:
