@@ -57,7 +57,7 @@ def _driving_force_tracks(drive_mode: str, change: Callable[[Array], Array] = np
     return lambda r: [Track(r.t, change(r.F_haul), r.s_o)] if r.drive == drive_mode else []
 
 
-def _deceleration_tracks(r: Response) -> list[Track]:
+def _free_car_deceleration_tracks(r: Response) -> list[Track]:
     """The rate -v.a/|v| [m/s2] at which a free car loses speed, 0 at rest; none of other cars."""
     if r.drive != "free":
         return []
@@ -127,7 +127,7 @@ QUANTITIES: dict[str, DesignQuantity] = {
     "mass_deepest": DesignQuantity(1.0, _tracks_at_mass(lambda r: r.y), inner=True),
     "mass_deflection_max": DesignQuantity(1.0, _tracks_at_mass(lambda r: r.v)),
     "speed_max": DesignQuantity(1.0, _tracks_at_mass(lambda r: r.speed)),
-    "car_deceleration_max": DesignQuantity(1.0, _deceleration_tracks),
+    "car_deceleration_max": DesignQuantity(1.0, _free_car_deceleration_tracks),
     "angle_left": DesignQuantity(1.0, _tracks_at_support("left", _degrees_to_horizontal)),
     "angle_right": DesignQuantity(1.0, _tracks_at_support("right", _degrees_to_horizontal)),
 }

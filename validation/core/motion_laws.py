@@ -292,7 +292,7 @@ def energy_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     return relative_energy_defect(x.t, energy, powers)
 
 
-def moment_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def body_moment_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects of the moment of momentum of cabins and cars on two wheels, over their weight and size."""
     x = SampledMotion(LineTables(toml), motion, every)
     defects = []
@@ -307,7 +307,7 @@ def moment_defects_by_window(toml: str, motion: Any, end: float, every: int = 1)
     return np.array(defects)
 
 
-def kink_force_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def body_kink_force_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects of the forces of cabins and wheels on the rope, by its tensions and slopes there, over the weight."""
     line = LineTables(toml)
     x = SampledMotion(line, motion, every)
@@ -370,8 +370,8 @@ LAWS = {
 FRICTION_LAWS = {"friction that holds cars": holding_force_excesses_by_window}
 COUNTERWEIGHT_LAWS = {"motion of the counterweight": counterweight_defects_by_window}
 BODY_LAWS = {
-    "moment of momentum of bodies": moment_defects_by_window,
-    "forces on kinks of the rope": kink_force_defects_by_window,
+    "moment of momentum of bodies": body_moment_defects_by_window,
+    "forces on kinks of the rope": body_kink_force_defects_by_window,
     "centres of mass": centre_of_mass_defects,
 }
 

@@ -261,16 +261,16 @@ def recomputed_error_rows(r: Response, counterpart: Response) -> Iterator[Agreem
         return
     lows, highs = zip(r.error_window, counterpart.error_window, strict=True)
     window = max(lows), min(highs)
-    distance = _max_path_distance(r, counterpart, window, degree=3)
-    by_other_spline = _max_path_distance(r, counterpart, window, degree=5)
+    distance = _relative_path_distance(r, counterpart, window, degree=3)
+    by_other_spline = _relative_path_distance(r, counterpart, window, degree=5)
     allowed = abs(by_other_spline - distance) + ROUNDING
     yield _recomputed_row(r, "design", "path_error", max(0.0, distance - r.path_error), allowed)
     if r.tension_error is not None:
-        missing = max(0.0, _rms_tension_distance(r, counterpart, window) - r.tension_error)
+        missing = max(0.0, _rms_tension_distance_over_H(r, counterpart, window) - r.tension_error)
         yield _recomputed_row(r, "design", "tension_error", missing, ROUNDING)
 
 
-def _max_path_distance(r: Response, counterpart: Response, window: tuple[float, float], degree: int) -> float:
+def _relative_path_distance(r: Response, counterpart: Response, window: tuple[float, float], degree: int) -> float:
     """Largest distance of the car in two runs, at the steps of the coarser one, over the scale of the path.
 
     degree : of the spline through the finer run.
@@ -289,7 +289,7 @@ def _max_path_distance(r: Response, counterpart: Response, window: tuple[float, 
     return float(np.sqrt(squares).max(initial=0.0)) / scale
 
 
-def _rms_tension_distance(r: Response, counterpart: Response, window: tuple[float, float]) -> float:
+def _rms_tension_distance_over_H(r: Response, counterpart: Response, window: tuple[float, float]) -> float:
     """Rms distance of the tensions at common frames, off the car, over H; 0 without common frames."""
     a = r.fields
     b = counterpart.fields

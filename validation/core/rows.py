@@ -82,14 +82,14 @@ def _gap_of_series(*names: str, over: str, mean: bool = False, largest: bool = F
             scale = float(y.speed.max())
         series: Series = partial(_scaled_series, names, scale)
         if "speed" in names and view.free:
-            series = partial(_values_until_stop, series)
+            series = partial(_values_nan_after_stop, series)
         averaging_time = view.axial_round_trip if mean else 0.0
         return measures.series_gap(x, y, view.window, series, averaging_time, largest=largest)
 
     return gap_of_runs
 
 
-def _values_until_stop(series: Series, r: Response) -> Array:
+def _values_nan_after_stop(series: Series, r: Response) -> Array:
     """Values (n, c) with nan past a lasting stop, whose time depends on axial waves."""
     stop = find_event("stop", r.events)
     values = series(r)
@@ -182,7 +182,7 @@ def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) ->
         for event in EVENTS:
             rows += _event_rows(event, a, b, tolerance("rest"))
     rows += _incomplete_range_rows(a, b, view, full, tolerance("rest"))
-    rows.append(_slack_onset_distance_row(a, b, full, tolerance("rest")))
+    rows.append(_slack_onset_row(a, b, full, tolerance("rest")))
     rows += _path_past_slack_rows(a, b, view, tolerance("rest"))
     return rows
 
@@ -378,7 +378,7 @@ def quasi_static_event_rows(a: Ladder, quasi_static: list[Event], required: floa
             yield Agreement("quasi-static", gap, bound, law=law, required=required, decides=False)
 
 
-def _slack_onset_distance_row(a: Ladder, b: Ladder, full: View, required: float) -> Agreement:
+def _slack_onset_row(a: Ladder, b: Ladder, full: View, required: float) -> Agreement:
     """Row of the distance of both answers where the first cable goes slack; no slack counts as the window's end.
 
     Smallest tensions so far, over H, are falling curves over s_o/l; see `scene_data.ordinate_on_unit_slope`.
