@@ -105,23 +105,30 @@ _rolls = attrgetter("rolls")
 _free = attrgetter("free")
 
 
+def _any_car(view: View) -> bool:
+    return True
+
+
 def _hauled(view: View) -> bool:
     return view.rolls and not view.free
 
 
 def _force_quantities(mean: bool) -> list[Quantity]:
-    """Forces at the car and the supports: judged as means over an axial round trip, else only shown."""
+    """Forces at the car and the supports: judged as means over an axial round trip, else only shown.
+
+    What a gripped car presses on the cable is only shown.
+    """
     kind = "force" if mean else ""
     law = AXIAL_MEAN if mean else ""
 
-    def force(name: str, *series: str, over: str, concerns: Callable[[View], bool] = lambda view: True) -> Quantity:
+    def force(name: str, *series: str, over: str, concerns: Callable[[View], bool] = _any_car) -> Quantity:
         return Quantity(name, _gap_of_series(*series, over=over, mean=mean), kind, law, concerns)
 
     return [
         force("tension_behind", "T_behind", over="H"),
         force("tension_ahead", "T_ahead", over="H"),
         force("reactions", "reaction_left", "reaction_right", over="H"),
-        force("contact", "F_contact", over="weight", concerns=_rolls),
+        force("contact", "F_contact", over="weight", concerns=_rolls if mean else _any_car),
         force("haul_force", "F_haul", over="weight", concerns=_hauled),
         force("thrust", "F_haul", over="weight", concerns=_free),
     ]
