@@ -164,7 +164,7 @@ def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right_answers):
     def finer(*parts, larger=True, decides=True):
         bars = tuple(BoundPart(m.name, sum(p)) for m, p in zip(methods, parts, strict=True))
         wide = Agreement("speed", 0.1, Bound("error bars", bars), required=0.5, decides=decides, parts=parts)
-        sides = [study._MethodOnScene(LEVEL, m, 1e-2, float("inf"), {}) for m in methods]
+        sides = [study._MethodOnScene(LEVEL, m, 1e-2, float("inf"), None) for m in methods]
         return [side.finer_settings(ladder, [wide], larger) for side, ladder in zip(sides, right_answers, strict=True)]
 
     sines = (0.0, 0.01), (0.9, 0.01)

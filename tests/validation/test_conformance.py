@@ -138,7 +138,7 @@ def test_a_cell_of_the_atlas(name):
         "steps": 100,
     }
     drawn = {"name": "mine", "scene": {}, "methods": [[name, settings]]}
-    (cell,) = atlas.cells_of_all_methods(drawn, 100.0, 4.0)
+    (cell,) = atlas.run_and_judge_methods_at(drawn, 100.0, 4.0)
     assert cell["class"] in ("good", "poor", "wrong")
     mapped = dict(atlas.methods_with_fixed_settings(atlas.MAPS["map"][0]))
     assert (name in mapped) == (find_method(name).atlas_settings is not None)

@@ -16,7 +16,6 @@ from cablefem.response import Array, write_json
 from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car
 from cablefem.scene.drive import Thrust
-from cablefem.scene.line import Car as CarTable
 from cablefem.scene.line import Line
 from validation.commands.check.motion import reference_scales
 from validation.commands.run.motion import ELEMENTS, LineRuns
@@ -46,14 +45,17 @@ def advise_on_point_masses(line: Line, tol: float, out: Path, report: Progress =
     for table, car, body, point in cars:
         if body.turning is None:
             continue
-        period = _pitch_or_swing_period(table, line.gravity, point)
         ramp = _shortest_start_or_stop(car)
-        periods.append({"car": car.name, "period": period, "ramp": ramp, "short": period <= short * ramp})
+        formulas: dict[str, float] = {}
         if table.wheels is not None:
+            # the pitch is slowest where the rope is least taut
+            period = approximate_pitch_period(table.wheels, table.mass, float(np.min(point.tension_ahead)))
             formulas = _point_errors_of_wheels(table.wheels, table.mass, line.gravity, point_run.motion.t, point)
         else:
             assert table.hanger is not None
-            formulas = {"haul force": _haul_force_error_of_cabin(table.hanger, point, ramp, period)}
+            period = _swing_period(table.hanger, line.gravity)
+            formulas["haul force"] = _haul_force_error_of_cabin(table.hanger, point, ramp, period)
+        periods.append({"car": car.name, "period": period, "ramp": ramp, "short": period <= short * ramp})
         allowed = {"path": tol * scales.path, "tension": force_tol * scales.tension}
         for need, distance in _max_distances_by_need(body_run, body, point_run, point).items():
             limit = allowed.get(need, force_tol * scales.weights[car.name])
@@ -90,13 +92,10 @@ def _shortest_start_or_stop(car: Car) -> float:
     return min(durations, default=math.inf)
 
 
-def _pitch_or_swing_period(table: CarTable, gravity: float, motion: CarMotion) -> float:
-    """Period [s] of the pitch, longest where the rope is least taut, or of the swing."""
-    if table.wheels is not None:
-        return approximate_pitch_period(table.wheels, table.mass, float(np.min(motion.tension_ahead)))
-    assert table.hanger is not None
-    h = table.hanger.length
-    inertia_per_mass = table.hanger.gyration**2 + h**2
+def _swing_period(hanger: Hanger, gravity: float) -> float:
+    """[s], for small angles."""
+    h = hanger.length
+    inertia_per_mass = hanger.gyration**2 + h**2
     return 2.0 * math.pi * math.sqrt(inertia_per_mass / (gravity * h))
 
 

@@ -110,7 +110,7 @@ def _draw_cell(ax: Any, i: int, j: int, cell: Cell) -> None:
         ax.text(i, j, letter, ha="center", va="center", fontsize=7.5, color=ink, bbox=box)
 
 
-def _cell_number(values: list[float], x: Any) -> Any:
+def _fractional_cell_number(values: list[float], x: Any) -> Any:
     """Number of the cell where an axis with these values reaches x, interpolated by logarithms; nan outside."""
     numbers = np.arange(len(values))
     return np.interp(np.log(x), np.log(values), numbers, left=np.nan, right=np.nan)
@@ -121,12 +121,12 @@ def _draw_theory_curves(ax: Any, m: Map) -> None:
     xs = m["x"]["values"]
     ys = m["y"]["values"]
     if m["name"] == "speed-mass":
-        ax.axvline(_cell_number(xs, 1.0), color=BLUE, linestyle="--", label="V = wave speed")
+        ax.axvline(_fractional_cell_number(xs, 1.0), color=BLUE, linestyle="--", label="V = wave speed")
     elif m["name"] == "sag-stiffness":
         # L^2 = sigma^2 alpha = 4 pi^2, sigma = 8 sag/span for a flat parabola
         sag = np.geomspace(xs[0], xs[-1], 200)
         alpha = 4.0 * np.pi**2 / (8.0 * sag) ** 2
         inside = (alpha >= ys[0]) & (alpha <= ys[-1])
-        x = _cell_number(xs, sag[inside])
-        y = _cell_number(ys, alpha[inside])
+        x = _fractional_cell_number(xs, sag[inside])
+        y = _fractional_cell_number(ys, alpha[inside])
         ax.plot(x, y, color=BLUE, linestyle="--", label="Irvine $L^2=4π^2$")

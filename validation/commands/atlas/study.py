@@ -107,7 +107,7 @@ def _jobs_by_key(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str
         for x, y in itertools.product(m["x"]["values"], m["y"]["values"]):
             used = [(name, settings_of_cell(m, x, y, name, fixed)) for name, fixed in methods]
             key = _job_key("cell", m["name"], x, y, used, MAPS["reference"])
-            jobs[key] = partial(cells_of_all_methods, m, x, y)
+            jobs[key] = partial(run_and_judge_methods_at, m, x, y)
     for row in rows:
         jobs[_job_key("row", row["name"])] = partial(catalogue.measure_failure_and_remedy, row)
     return jobs
@@ -132,7 +132,7 @@ def _reference_run_with_error(toml: str) -> tuple[Response, float]:
         return fine, math.inf
 
 
-def cells_of_all_methods(m: Map, x: float, y: float) -> list[Cell]:
+def run_and_judge_methods_at(m: Map, x: float, y: float) -> list[Cell]:
     """Run every method at a point of a map and judge it; without a scene there, cells that say why."""
     cells = []
     for name, fixed in methods_with_fixed_settings(m):
@@ -167,7 +167,7 @@ def judged_cell(r: Response, reference: Response, reference_error: float) -> Cel
         error = measures.relative_path_gap(r, reference, window).largest
     except (measures.NotComparable, ValueError):
         error = math.inf
-    verdict, bound = _class_with_largest_error(error, r.reached >= stop)
+    verdict, bound = _error_class_with_upper_bound(error, r.reached >= stop)
     if reference_error > 0.5 * bound:
         return out | {"class": "not judged", "reason": f"the reference itself is sure to {reference_error:.2g} only"}
     if verdict != "good" and not r.cause:
@@ -175,7 +175,7 @@ def judged_cell(r: Response, reference: Response, reference_error: float) -> Cel
     return out | {"class": verdict, "error": error}
 
 
-def _class_with_largest_error(error: float, complete: bool) -> tuple[str, float]:
+def _error_class_with_upper_bound(error: float, complete: bool) -> tuple[str, float]:
     """The class of a path error, and the largest error of that class; a run that stops early is wrong."""
     if not complete or error >= MAPS["wrong"]:
         return "wrong", math.inf

@@ -111,7 +111,7 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
     for i, series in enumerate(todo):
         report(series.name, 0.05 + 0.85 * i / len(todo))
         share = (6.0 if series.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
-        rows += _SeriesTimer(scene, series, reference).missing_rows(rows, repeats, share)
+        rows += _SeriesTimer(scene, series, reference).run_missing_settings(rows, repeats, share)
         if series.kind == "peer":
             rows += _missing_full_program_rows(series.name, rows)
         write_json(path, content)
@@ -266,8 +266,8 @@ class _SeriesTimer:
     series: Series
     reference: _Reference
 
-    def missing_rows(self, rows: list[Row], repeats: int, budget: float) -> list[Row]:
-        """Run the settings that have no row, while the next run is likely to fit into the budget [s]."""
+    def run_missing_settings(self, rows: list[Row], repeats: int, max_seconds: float) -> list[Row]:
+        """Run the settings that have no row, while the next run is likely to fit into the time."""
         series = self.series
         done = [r["settings"] for r in rows if r["series"] == series.name]
         refused = series.refused_row(self.scene)
@@ -275,14 +275,14 @@ class _SeriesTimer:
             return [] if {} in done else [refused]
         missing = [x for x in series.rungs if x not in done]
         if missing and series.kind not in ("tolerance", "waiting", "peer"):
-            self.row_of_fastest_repeat(missing[0], 1, 0.0)  # the first run may compile
+            self.repeat_and_keep_fastest(missing[0], 1, 0.0)  # the first run may compile
         new = []
         last = 0.0
-        remaining = budget
+        remaining = max_seconds
         for settings in missing:
             if last <= remaining:
                 begin = time.perf_counter()
-                row = self.row_of_fastest_repeat(settings, max(1, repeats), remaining)
+                row = self.repeat_and_keep_fastest(settings, max(1, repeats), remaining)
                 remaining -= time.perf_counter() - begin
                 last = row["seconds"] or 0.0
             else:
@@ -290,18 +290,18 @@ class _SeriesTimer:
             new.append(row)
         return new
 
-    def row_of_fastest_repeat(self, settings: Row, repeats: int, remaining: float) -> Row:
+    def repeat_and_keep_fastest(self, settings: Row, repeats: int, max_seconds: float) -> Row:
         """The row of a run: the best of separate repeats and their spread (slowest over best), as time [s] allows.
 
         Short runs are repeated more often.
         """
-        timed = {"peer": self._timed_peer_run, "waiting": self._timed_command}.get(self.series.kind, self._timed_run)
+        timed = {"peer": self._time_peer_run, "waiting": self._time_command}.get(self.series.kind, self._time_run)
         try:
             results, first = timed(settings)
         except (ValueError, TooCoarse) as error:
             return self.series.chart_row(settings, status="failed", reason=str(error))
         seconds = [first]
-        while results["status"] == "ok" and sum(seconds) + first < remaining:
+        while results["status"] == "ok" and sum(seconds) + first < max_seconds:
             if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > 0.2):
                 break
             seconds.append(timed(settings)[1])
@@ -311,7 +311,7 @@ class _SeriesTimer:
         results["repeats"] = len(seconds)
         return self.series.chart_row(settings, **results)
 
-    def _timed_run(self, settings: Row) -> tuple[Row, float]:
+    def _time_run(self, settings: Row) -> tuple[Row, float]:
         """Results and seconds of a run; by tolerance its seconds include all runs up to it."""
         method = self.series.method
         assert method is not None
@@ -330,7 +330,7 @@ class _SeriesTimer:
         results |= self.reference.status_and_errors_of_response(r)
         return results, seconds
 
-    def _timed_peer_run(self, settings: Row) -> tuple[Row, float]:
+    def _time_peer_run(self, settings: Row) -> tuple[Row, float]:
         """Results and seconds of a run of another code, without what others took of the processor."""
         scene = self.scene
         peer = PEERS[self.series.name]
@@ -351,7 +351,7 @@ class _SeriesTimer:
         results["wait"] = own + _import_time(peer.module)
         return results, share * path.seconds
 
-    def _timed_command(self, settings: Row) -> tuple[Row, float]:
+    def _time_command(self, settings: Row) -> tuple[Row, float]:
         """Results and processor time of `cablefem run --tol`, with its bars, files and page."""
         method = self.series.method
         assert method is not None

@@ -240,13 +240,12 @@ def check_line(
 
 def _design_with_bars(design: Sequence[Row], coarser: Sequence[Row], other: Sequence[Row]) -> list[Row]:
     """Design numbers with bars: the change from the coarser answer, at least the gap to the other solver."""
-    bars: dict[str, list[float]] = {d["quantity"]: [] for d in design}
-    values = {d["quantity"]: d["value"] for d in design}
-    for d in (*coarser, *other):
-        name = d["quantity"]
-        if name in bars:
-            bars[name].append(abs(values[name] - d["value"]))
-    return [{**d, "bar": max(bars[d["quantity"]], default=None)} for d in design]
+    values = [{d["quantity"]: d["value"] for d in x} for x in (coarser, other)]
+    out = []
+    for d in design:
+        bars = [abs(d["value"] - x[d["quantity"]]) for x in values if d["quantity"] in x]
+        out.append({**d, "bar": max(bars, default=None)})
+    return out
 
 
 def _rows_of_outputs_read_back(result: RestAnswers) -> list[Agreement]:

@@ -61,7 +61,7 @@ def agreement_sentence(rows: list[Row]) -> str:
     """One sentence: how many asked rows agree, by kind: two solvers, laws of one answer, printed numbers."""
     kinds = WORDS["sure"]
     named = {name for kind in kinds.values() for name in _quantities_of_groups(kind["groups"])}
-    deciding = _deciding(rows)
+    deciding = _deciding_rows(rows)
     others = {row["quantity"] for row in deciding} - named
     parts = []
     for kind, how in kinds.items():
@@ -93,10 +93,10 @@ def _verdict_count_text(rows: list[Row]) -> str:
 
 def worst_deciding_verdict(rows: list[Row]) -> str | None:
     """The worst verdict of the rows that decide."""
-    return worst_verdict(_deciding(rows))
+    return worst_verdict(_deciding_rows(rows))
 
 
-def _deciding(rows: list[Row]) -> list[Row]:
+def _deciding_rows(rows: list[Row]) -> list[Row]:
     return [row for row in rows if row.get("asked", True)]
 
 
@@ -121,7 +121,7 @@ def _summary_rows_of_groups(rows: list[Row]) -> list[Row]:
 
 
 def _summary_row_of_group(group: str, rows: list[Row]) -> Row:
-    deciding = _deciding(rows)
+    deciding = _deciding_rows(rows)
     text = _verdict_count_text(deciding)
     bad = "; ".join(_comparison_name(row) for row in deciding if row["verdict"] != "agree")
     if bad:

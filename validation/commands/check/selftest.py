@@ -25,8 +25,7 @@ def verdict_with_mass_fault(result: Check) -> Verdict:
     shorter = (*result.b.time.runs, result.b.finest)[0]
     settings = coarse.settings | {"steps": shorter.settings["steps"]}
     stop = View.of_scene(scene).last_needed_position
-    ends: dict[str, Any] = {} if stop is None else {"until": stop}
-    faulty = run_with_error_bars(scene.replace(FAULT), find_method(coarse.method), **ends, **settings)
+    faulty = run_with_error_bars(scene.replace(FAULT), find_method(coarse.method), until=stop, **settings)
     toml = scene.to_toml()
     faulty = faulty.map(lambda r: replace(r, scene_toml=toml))
     return worst_deciding_verdict(compare(scene, result.a, faulty, tol=result.tol))

@@ -191,20 +191,20 @@ def mark_deciding_rows(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
 
 @dataclass(frozen=True, slots=True)
 class _MethodOnScene:
-    """A method with its scene, tolerance and budget; `ends` as in `refine_to_tolerance`."""
+    """A method with its scene, tolerance and budget, and the last s_o/l of its runs; None: the end."""
 
     scene: Scene
     method: Method
     tol: float
     budget: float
-    ends: Settings
+    until: float | None
 
     def refine_within_budget(self, progress: Progress) -> Ladder:
         """Run as fine as the tolerance needs, or as the budget allows."""
         report = partial(progress, self.method.name)
         try:
             return refine_to_tolerance(
-                self.scene, self.method, self.tol, budget=self.budget, progress=report, **self.ends
+                self.scene, self.method, self.tol, budget=self.budget, progress=report, until=self.until
             )
         except TooCoarse as error:
             return error.ladder
@@ -231,7 +231,7 @@ class _MethodOnScene:
             return before
         report = partial(progress, self.method.name)
         return run_with_error_bars(
-            self.scene, self.method, earlier_runs=before.runs, progress=report, **self.ends, **settings
+            self.scene, self.method, earlier_runs=before.runs, progress=report, until=self.until, **settings
         )
 
 
@@ -240,13 +240,11 @@ def _methods_with_tolerance_shares(
 ) -> list[_MethodOnScene]:
     """Each method with its scene, its share of the tolerance, and the budget."""
     loaded = [find_method(m) if isinstance(m, str) else m for m in methods]
-    total = sum(SHARES.get(m.wing, 1.0) for m in loaded)
-    ends = {} if until is None else {"until": until}
+    shares = [SHARES.get(m.wing, 1.0) for m in loaded]
     budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
     sides = []
-    for scene, m in zip(scenes, loaded, strict=True):
-        share = SHARES.get(m.wing, 1.0)
-        sides.append(_MethodOnScene(scene, m, tol * share / total, budget, ends))
+    for scene, m, share in zip(scenes, loaded, shares, strict=True):
+        sides.append(_MethodOnScene(scene, m, tol * share / sum(shares), budget, until))
     return sides
 
 

@@ -21,12 +21,12 @@ def sections(folder: Path) -> list[Section]:
     heads = []
     figure: Markup | str = ""
     if rows:
-        heads = [_with_unit(stored["for"], stored["for_unit"]), _with_unit(stored["key"], stored["unit"])]
+        heads = [_name_with_unit(stored["for"], stored["for_unit"]), _name_with_unit(stored["key"], stored["unit"])]
         figure = _curve_figure(rows, *heads)
     return render_sections(__package__, found=stored, rows=rows, heads=heads, figure=figure)
 
 
-def _with_unit(name: str, unit: str) -> str:
+def _name_with_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 

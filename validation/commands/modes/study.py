@@ -22,10 +22,6 @@ class Modes:
     omega: dict[str, Array]  # method -> (COUNT,) omega l sqrt(rho/H), ascending
     rows: list[Agreement]
 
-    def write(self, out: Path) -> None:
-        content = {name: omega.tolist() for name, omega in self.omega.items()}
-        write_json(out / "modes.json", content)
-
 
 def scaled_cable_frequencies(
     groups: Groups, *, elements: int | None = None, terms: int | None = None, level: int = 0, degree: int = 8,
@@ -69,7 +65,6 @@ def modes(scene: Scene, out: Path | None = None, progress: Progress = no_progres
         change = BoundPart(name, bar, "the change from half the resolution")
         rows.append(Agreement(name, gap, Bound("own bar", (change, rounding))))
     omega[EXACT] = exact.omega
-    result = Modes(omega, rows)
     if out is not None:
-        result.write(out)
-    return result
+        write_json(out / "modes.json", {name: values.tolist() for name, values in omega.items()})
+    return Modes(omega, rows)
