@@ -33,8 +33,7 @@ def measure_failure_and_remedy(row: Row) -> Row:
     failure = _evaluate_by_name(row["shows"])
     cure = _evaluate_by_name(row["cures"])
     out = {k: row[k] for k in ("name", "scene", "method", "symptom", "cause", "remedy")}
-    out["failure"] = failure
-    out["cure"] = cure
+    out |= {"failure": failure, "cure": cure}
     out["failure_shown"] = condition_holds(row["shown"], failure)
     out["remedy_works"] = condition_holds(row["cured"], cure)
     return out

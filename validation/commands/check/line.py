@@ -200,10 +200,8 @@ def solve_both_refining_elements(line: Line, second: Line, tol: float, tol_tensi
     while True:
         b = second.solve_at_rest(partial(elements.solve, elements=n), hopeless)
         both = BothAnswers(a, coarser_a, b, coarser_b)
-        coarse = False
-        for row in worst_state_rows(both, *both.units_with_tolerances(tol, tol_tension)):
-            if row.bound.parts and row.bound.parts[1].value > largest_share * (row.required or 0.0):
-                coarse = True
+        rows = [row for row in worst_state_rows(both, *both.units_with_tolerances(tol, tol_tension)) if row.bound.parts]
+        coarse = any(row.bound.parts[1].value > largest_share * (row.required or 0.0) for row in rows)
         unsolved = _row_of_positions_solved_by_one(both) is not None  # finer elements do not help
         if not coarse or unsolved or n >= FINEST:
             return both

@@ -15,7 +15,8 @@ from validation.page.page import VERDICTS, Section, render_sections, worst_verdi
 
 Row = dict[str, Any]
 WORDS = store.read_packaged_toml(__package__, "words.toml")
-LINE_PAGES: dict[str, tuple[Callable[..., list[Section]], Callable[[Path], list[Section]]]] = {
+PageSections = Callable[..., list[Section]]
+LINE_PAGES: dict[str, tuple[PageSections, PageSections]] = {  # of a line and of a grid of lines
     "rest-check": (line.rest_sections, line.line_grid_sections),
     "motion-check": (motion.motion_sections, motion.motion_grid_sections),
 }

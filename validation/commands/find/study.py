@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 BRACKETS = 8  # parts of the range that are looked at
 HALVINGS = 12  # of a part in which the condition changes, at most
-NONE = Answer("failed", "", {})
+FAILED = "failed"  # kind of an answer that could not be computed
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +234,7 @@ class _Search:
                     answer_by_model(scene, self.model, only_events, bars) for scene in self.scenes_at(value)
                 ]
             except (SceneError, Refused, ArithmeticError) as error:
-                self.answers_by_value[value] = [replace(NONE, sentence=str(error).splitlines()[0])]
+                self.answers_by_value[value] = [Answer(FAILED, str(error).splitlines()[0], {})]
             done = len(self.answers_by_value) / (BRACKETS + HALVINGS + 1.0)
             self.progress(f"{self.key} = {value:.6g}", min(0.9, done))
         return self.answers_by_value[value]
@@ -253,7 +253,7 @@ class _Search:
     def refuse_uncheckable_condition(self, ends: Sequence[float]) -> None:
         """Refused where no end has an answer, or the condition names what their answers do not know."""
         answers = [answer for value in ends for answer in self.answers_at(value)]
-        if all(answer.kind == NONE.kind for answer in answers):
+        if all(answer.kind == FAILED for answer in answers):
             raise Refused(f"{self.key}: {answers[0].sentence}")
         refuse_uncheckable_clauses(self.clauses, answers)
 
@@ -296,7 +296,7 @@ class _Search:
         answers = self.answers_at(value)
         answer = answers[min(i // count, len(answers) - 1)]
         clause = self.clauses[i % count]
-        if answer.kind == NONE.kind:
+        if answer.kind == FAILED:
             return answer.sentence
         if clause.is_about_limits:
             return answer.worst_limit or f"no limit can be judged: {answer.sentence}"
