@@ -74,7 +74,7 @@ def _tension_gap(a: Response, b: Response, view: View) -> float:
     return rms_tension_gap_over_H(a, b, view.window)
 
 
-FORCES = ("tension", "haul force")
+FORCE_NEEDS = ("tension", "haul force")
 ByNeed = dict[str, float]
 # need -> distance of two runs, and the largest order credited
 NEEDS: dict[str, tuple[Gap, float]] = {
@@ -93,7 +93,7 @@ NEEDS_OF_DRIVE = {
 def tolerances_by_need(scene: Scene, tol: float) -> ByNeed:
     """The tolerance of each need of a scene, relative, from that of the path."""
     needs = NEEDS_OF_DRIVE[scene.drive.mode]
-    return {need: tolerance_of_kind("force" if need in FORCES else "path", tol, None) for need in needs}
+    return {need: tolerance_of_kind("force" if need in FORCE_NEEDS else "path", tol, None) for need in needs}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
