@@ -250,8 +250,8 @@ class CableElements(System):
         cable = history[:, :size].reshape(len(history), self.n_scalar, self.fields)
         return np.where(np.asarray(dofs)[..., None] >= 0, cable[row, dofs], 0.0)
 
-    def _mesh_kinematics(self, mass_kinematics: Array) -> Array:
-        """s_o, ds_o, dds_o (n, 3) of the mesh: those of the mass, which it follows."""
+    def _moving_node_kinematics(self, mass_kinematics: Array) -> Array:
+        """s_o, ds_o, dds_o (n, 3) of the node between both sides of the mesh: it follows the mass."""
         return mass_kinematics
 
     def _cable_motion_at_mass(self, states: States, mass_kinematics: Array) -> MotionAtMass:

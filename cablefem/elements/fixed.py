@@ -203,7 +203,7 @@ class FixedElements(CableElements):
         powers = (x - e) ** np.arange(self._powers.shape[2])[:, None]
         return self._mesh.dofs[e], self._powers @ powers
 
-    def _mesh_kinematics(self, mass_kinematics: Array) -> Array:
+    def _moving_node_kinematics(self, mass_kinematics: Array) -> Array:
         return np.tile([1.0, 0.0, 0.0], (len(mass_kinematics), 1))  # one side, which rests
 
     def _cable_motion_at_mass(self, states: States, mass_kinematics: Array) -> MotionAtMass:
@@ -244,7 +244,7 @@ class FixedElements(CableElements):
 
     def _fields_without_mass(self, history: HistoryWithForces, s: Array, frames: NDArray[np.intp]) -> StationFields:
         """`_fields_at_stations` of one side without the force of the mass inside."""
-        mesh = self._mesh_kinematics(history.mass_kinematics)
+        mesh = self._moving_node_kinematics(history.mass_kinematics)
         return super()._fields_at_stations(history._replace(mass_kinematics=mesh), s, frames)
 
     def _fields_at_stations(self, history: HistoryWithForces, s: Array, frames: NDArray[np.intp]) -> StationFields:

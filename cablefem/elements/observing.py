@@ -35,8 +35,8 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     mean_slope = slope + 0.5 * (w_s_behind + w_s_ahead)
     power = ds * np.sum(force * mean_slope, axis=0)
 
-    mesh_kinematics = system._mesh_kinematics(kinematics).T
-    cable = observe_cable(system, mesh_kinematics, states)
+    node_kinematics = system._moving_node_kinematics(kinematics).T
+    cable = observe_cable(system, node_kinematics, states)
     lost = 2.0 * g.damping * cable.kinetic
     powers = {"lost_viscous": -lost} if g.damping else {}
     kinetic = cable.kinetic + 0.5 * system.inertia * np.sum(velocity**2, axis=0)
@@ -52,7 +52,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     history = history._replace(end_forces=system._end_forces_with_mass(history))
     if system.fields == 2:
         beside = _BesideMass(static, T, behind, ahead)
-        at_mass = _tensions_and_reactions(system, history.end_forces, mesh_kinematics[1], beside)
+        at_mass = _tensions_and_reactions(system, history.end_forces, node_kinematics[1], beside)
         power += ds * _kink_force(system, beside)
     else:
         at_mass = _chord_tensions_and_reactions(system, history.end_forces, cable.rise, T)
@@ -131,14 +131,14 @@ class CableState(NamedTuple):
     end_forces: Array  # (4, fields, n)
 
 
-def observe_cable(system: CableElements, mesh_kinematics: Array, states: States) -> CableState:
-    """The cable in a history; mesh_kinematics (3, n) : kinematics of the mesh."""
+def observe_cable(system: CableElements, node_kinematics: Array, states: States) -> CableState:
+    """The cable in a history; node_kinematics (3, n) : kinematics of the mesh."""
     size = system.fields * system.n_scalar
     columns = np.concatenate(system._moments, axis=1).T  # (4 sides, n_scalar)
     parts = []
     for block in _row_blocks(np.arange(states.t.size), system._at_inertia.x.size):
         rows = slice(block[0], block[-1] + 1)
-        at = mesh_kinematics[:, rows]
+        at = node_kinematics[:, rows]
         x = np.empty((system.n_scalar, 3, system.fields, at.shape[1]))
         for i, history in enumerate((states.q, states.v, states.a)):
             of_cable = history[rows, :size].T
@@ -154,10 +154,10 @@ def observe_cable(system: CableElements, mesh_kinematics: Array, states: States)
     of_sides = moments.reshape(-1, 4, *moments.shape[1:])
     potential = np.zeros_like(kinetic)
     if system.fields == 2:
-        sides = _sides_with_lengths_and_signs(of_sides, mesh_kinematics[0])
+        sides = _sides_with_lengths_and_signs(of_sides, node_kinematics[0])
         depth = sum(h * x[0, 0, 1] for x, h, _ in sides)  # int v ds
         potential -= system.groups.sigma * depth
-    ends = _end_forces(system, mesh_kinematics, of_sides, states.v, strained.force)
+    ends = _end_forces(system, node_kinematics, of_sides, states.v, strained.force)
     energy, tension_min, tension_min_at, rise, _ = strained
     return CableState(kinetic, potential, energy, tension_min, tension_min_at, rise, ends)
 
@@ -173,9 +173,9 @@ def _multiply(matrix: Any, unknowns: Array) -> Array:
     return np.asarray(product).reshape(-1, *unknowns.shape[1:])
 
 
-def kinetic_energy(system: CableElements, mesh_kinematics: Array, q: Array, v: Array) -> Array:
+def kinetic_energy(system: CableElements, node_kinematics: Array, q: Array, v: Array) -> Array:
     """int |w.|^2/2 ds (n,), w. = dv/dt at fixed s = v - c w'."""
-    s_o, ds, _ = mesh_kinematics
+    s_o, ds, _ = node_kinematics
     points = system._at_inertia
     xi = points.x
     h = np.where(points.behind, s_o, 1.0 - s_o)  # (p, n)
@@ -196,9 +196,9 @@ class StrainState(NamedTuple):
     force: Array  # int f dxi of both sides (2, fields, n)
 
 
-def strain_state(system: CableElements, mesh_kinematics: Array, q: Array) -> StrainState:
+def strain_state(system: CableElements, node_kinematics: Array, q: Array) -> StrainState:
     """Strain energy, smallest tension and internal force of a history."""
-    s_o = mesh_kinematics[0]
+    s_o = node_kinematics[0]
     points = system._at_force
     h = np.where(points.behind, s_o, 1.0 - s_o)  # (p, n)
     length = np.where(h > 0.0, h, 1.0)
@@ -236,14 +236,14 @@ def strain_state(system: CableElements, mesh_kinematics: Array, q: Array) -> Str
     return StrainState(energy, tension_min, tension_min_at, rise, force)
 
 
-def _end_forces(system: CableElements, mesh_kinematics: Array, moments: Array, v: Array, internal: Array) -> Array:
+def _end_forces(system: CableElements, node_kinematics: Array, moments: Array, v: Array, internal: Array) -> Array:
     """`CableState.end_forces` with f = N t - T X'.
 
     Momentum of a side, tested with phi = 1, and with phi = 1 at the mass and 0 at the support:
     int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].
     moments : of q, v, a on each side (sides, 4, 3, fields, n);  v : (n, n_dof);  internal : `StrainState.force`.
     """
-    s_o, ds, dds = mesh_kinematics
+    s_o, ds, dds = node_kinematics
     out = np.zeros((4, system.fields, s_o.size))
     c_d = system.groups.damping
     dds = dds + c_d * ds

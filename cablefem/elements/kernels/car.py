@@ -174,8 +174,8 @@ def assemble_with_car(
     min_tension, min_at = assemble_cable(cable, at_car, x, r, tangent, factors)
     if is_tangent_required(factors):
         tangent.border[:] = 0.0
-    add_strain_to_car_row(cable, s_o, r, tangent.border, factors[0])
-    add_inertia_to_car_row(cable, m, forces, x, r, tangent.border, factors)
+    add_strain_force_to_car_row(cable, s_o, r, tangent.border, factors[0])
+    add_inertia_force_to_car_row(cable, m, forces, x, r, tangent.border, factors)
     r[n] += forces.slope[0] * cx + forces.slope[1] * cy - forces.drive
     row = r[n]
     if car.mode == HELD:
@@ -186,7 +186,7 @@ def assemble_with_car(
 
 
 @inner
-def add_strain_to_car_row(cable: Cable, s_o: float, r: Array, border: Array, c0: float) -> None:
+def add_strain_force_to_car_row(cable: Cable, s_o: float, r: Array, border: Array, c0: float) -> None:
     """Add what the strain of the cable gives to the row of s_o, the last one; add its tangent to the border."""
     mesh = cable.mesh
     law = cable.law
@@ -240,7 +240,7 @@ def add_strain_to_car_row(cable: Cable, s_o: float, r: Array, border: Array, c0:
 
 
 @inner
-def add_inertia_to_car_row(
+def add_inertia_force_to_car_row(
     cable: Cable, node: int, forces: ForcesOnCar, x: Array, r: Array, border: Array, factors: Factors
 ) -> None:
     """Add what inertia and damping of the cable give to the row of s_o; add their tangent to the border.
