@@ -122,9 +122,9 @@ class GalerkinSystem(System):
     def _instant_at(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
         inertia_terms = self.basis.inertia_terms(s_o, ds_o, dds_o, self.damping)
         tables = self.cable.tables_at(self.basis, s_o)
-        return Instant(inertia_terms, self._load_per_mass(s_o, ds_o, dds_o), tables)
+        return Instant(inertia_terms, self._inertia_and_weight_per_mass(s_o, ds_o, dds_o), tables)
 
-    def _load_per_mass(self, s_o: float, ds_o: float, dds_o: float) -> Array:
+    def _inertia_and_weight_per_mass(self, s_o: float, ds_o: float, dds_o: float) -> Array:
         """X.. - sigma j of (27), (fields,); of a force -sigma j."""
         if self.load == "force":
             return -self.cable.weight
@@ -283,7 +283,7 @@ class GalerkinSystem(System):
             return State(t, q, v, a, 0)
         entrained = self._entrained_cable()
         m = self.inertia + entrained.m
-        load = self.mu * self._load_per_mass(s_o, ds_o, dds_o)
+        load = self.mu * self._inertia_and_weight_per_mass(s_o, ds_o, dds_o)
         if self.inertia and ds_o > 0.0:
             v_hat = np.zeros(self.fields)
             a_hat = -load / m

@@ -99,8 +99,7 @@ class LineEquations:
         of_rope = RopeDerivatives(rope.row_derivatives_until_next_call(), rope.end_slope_derivatives)
         K = self._tangent
         K[:] = 0.0
-        r = np.zeros(self.size)
-        r[: layout.shapes.size] = rope.balance_rows[:, :-2].ravel()[layout.shapes]
+
         row = 0
         for i, shapes in enumerate(layout.functions_of):
             block = of_rope.rows[:, i, :-2].reshape(3, 2 * layout.functions, -1)[:, shapes]
@@ -112,14 +111,13 @@ class LineEquations:
             if not body.unknown:
                 continue
             rows = slice(row, row + len(body.unknown))
-            r[rows] = body.balance_rows(self.contact_state(contact_values, k), frictions[k])
             derivatives = body.balance_row_derivatives(contact_values[k : k + body.contacts], frictions[k])
             for j, by_values in enumerate(derivatives.swapaxes(0, 1), start=k):
                 self._add_derivatives_through_contact(j, by_values, of_rope, K[:, rows])
             row = rows.stop
         for dependent in reversed(layout.dependent):
             dependent.fold_dependent_derivatives(K, Z, self._column)
-        return r, K[:, :, : self.size]
+        return self.residual(rope, contact_values, frictions), K[:, :, : self.size]
 
     def _add_derivatives_through_contact(self, j: int, by_values: Array, of_rope: RopeDerivatives, K: Array) -> None:
         """Add derivatives of a body's rows, by the values of contact j (rows, 26), to K (3, rows, columns)."""

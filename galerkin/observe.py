@@ -172,11 +172,12 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     depth = cable.static_depth(x.s_o) + w[:, -1]
     potential = -cable.weight[-1] * (sunk + system.mu * depth)
     slope_behind, slope_ahead = sides if system.fields == 2 else static + slopes @ direction
-    u, v = np.einsum("kfs,fd->dks", fields[0], direction)
-    du, dv = np.einsum("kfs,fd->dks", fields[1], direction)
+    displacement, rate, _ = fields
+    u, v = np.einsum("kfs,fd->dks", displacement, direction)
+    du, dv = np.einsum("kfs,fd->dks", rate, direction)
+    path_acceleration = w_tt @ direction + dds_o * static + ds_o**2 * curvature
     return Observation(
-        path=w @ direction, path_velocity=w_t @ direction + ds_o * static,
-        path_acceleration=w_tt @ direction + dds_o * static + ds_o**2 * curvature,
+        path=w @ direction, path_velocity=w_t @ direction + ds_o * static, path_acceleration=path_acceleration,
         slope_behind=slope_behind, slope_ahead=slope_ahead,
         energy=kinetic + forces["strain"] + potential, power=power - viscous,
         u=u, v=v, du=du, dv=dv, t=states.t, s_o=x.s_o, contact=contact @ direction, powers=powers,

@@ -186,10 +186,11 @@ class Rope:
         self.h = (ends[..., 1] - ends[..., 0])[..., None]
         self.left = ends[..., :1]
         h, dh, ddh = self.h
-        self.xi = np.empty((*self.h.shape[:-1], tables.points.size))
-        self.xi[0] = tables.points
-        self.xi[1] = -(self.left[1] + tables.points * dh) / h
-        self.xi[2] = -(self.left[2] + 2.0 * self.xi[1] * dh + tables.points * ddh) / h
+        points = tables.points
+        self.xi = np.empty((*self.h.shape[:-1], points.size))
+        self.xi[0] = points
+        self.xi[1] = -(self.left[1] + points * dh) / h
+        self.xi[2] = -(self.left[2] + 2.0 * self.xi[1] * dh + points * ddh) / h
         u = u.reshape(*u.shape[:-1], -1, 2)  # (3, ..., S, M, 2)
         coefficients = np.moveaxis(u, -2, 0).reshape(u.shape[-2], -1)  # (M, 3 ... S 2)
         values = tables.flat @ coefficients  # one product for all instants and segments: the tables are large

@@ -95,8 +95,10 @@ class Trolley(CarBody):
         self.inertia = car.wheels.inertia if car.wheels is not None else 0.0
         drive = car.drive
         ahead, below = drive.hitch if drive.mode == "haul" else drive.thrust_at
-        self.thrust_axes = math.cos(drive.thrust_angle), -math.sin(drive.thrust_angle)  # of a unit force
-        self.lever = ahead * self.thrust_axes[1] - below * self.thrust_axes[0]
+        forward = math.cos(drive.thrust_angle)
+        up = -math.sin(drive.thrust_angle)
+        self.thrust_axes = forward, up  # of a unit force
+        self.lever = ahead * up - below * forward
 
     def brake_forces_of_wheels(self, s: Any) -> Array:
         rear = np.asarray(self.car.drive.rear_brake_force(s))
@@ -125,16 +127,16 @@ class Trolley(CarBody):
         P_rear, P_front = (self.force_on_rope(wheel) for wheel in x)
         n_rear, n_front = (rotate(arm_derivative(arm), car.angle) for arm in self.arms_in_car_axes)
         driven = car.F[..., None] * rotate(self.thrust_axes, car.angle)
+        drag = self.drag_force(car.dc)
         inertia_and_weight = self.car.mass * (car.ddc - self.gravity * DOWN)
-        force = P_rear + P_front + inertia_and_weight - driven - self.drag_force(car.dc)
+        force = P_rear + P_front + inertia_and_weight - driven - drag
         of_wheels = dot(n_rear, P_rear) + dot(n_front, P_front)
         moment = of_wheels + self.inertia * car.ddangle[..., 0] - self.lever * car.F
         slip = self.signed_friction_and_hold(self.normal_wheel_loads(x), friction)
-        rows = [force, moment[..., None]]
-        rows.append((dot(P_rear, x.rear.tau) + slip[..., 0] * x.rear.cos_phi)[..., None])
+        scalars = [moment, dot(P_rear, x.rear.tau) + slip[..., 0] * x.rear.cos_phi]
         if self.unknown[-1] != "s":
-            rows.append((dot(P_front, x.front.tau) + slip[..., 1] * x.front.cos_phi)[..., None])
-        return np.concatenate(rows, axis=-1)
+            scalars.append(dot(P_front, x.front.tau) + slip[..., 1] * x.front.cos_phi)
+        return np.concatenate([force, np.stack(scalars, axis=-1)], axis=-1)
 
     def energies(self, x: WheelPair) -> Array:
         car = x.rear

@@ -236,14 +236,20 @@ def _derivative_coefficients_of_paper(order: int, level: int, reading: Reading) 
         if j >= 0:
             c = _refined_coefficients(c, mother.h, cells // 2)
         places = np.arange(1 - R, p) if j < 0 else np.arange(p - R, 2**j * R - p + 1)
-        scaling = reading == "scaling" and j < 0
-        first, taps = (places, np.ones(1)) if scaling else (2 * (places - shift), mother.g)
+        if reading == "scaling" and j < 0:
+            first = places
+            taps = np.ones(1)
+            scale = 1.0
+        else:
+            first = 2 * (places - shift)
+            taps = mother.g
+            scale = 2.0 ** (j / 2)
         new = np.zeros((cells + R - 1, places.size))
         for i, tap in enumerate(taps):
             row = first + i + R - 1
             seen = np.flatnonzero((row >= 0) & (row < len(new)))
             new[row[seen], seen] = tap
-        c = np.hstack([c, R * 2.0 ** (0.0 if scaling else j / 2) * new])
+        c = np.hstack([c, R * scale * new])
     return c
 
 
@@ -255,7 +261,9 @@ def _orthonormal_functions(order: int, level: int, reading: Reading) -> _SumsOfS
     edge = len(mother.left)
 
     def coordinates(c: np.ndarray) -> np.ndarray:
-        return np.concatenate([mother.left.T @ c[:edge], c[edge:-edge], mother.right.T @ c[-edge:]])
+        left = mother.left.T @ c[:edge]
+        right = mother.right.T @ c[-edge:]
+        return np.concatenate([left, c[edge:-edge], right])
 
     constant = coordinates(np.ones((len(c), 1)))
     constant /= np.linalg.norm(constant)

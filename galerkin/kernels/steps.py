@@ -256,16 +256,6 @@ def solve_step(now: Instant, step: Step, newton: Newton) -> StepOutcome:
     return StepOutcome(norm, iterations, factorisations, evaluations, lowest, where)
 
 
-@inner
-def car_at_start(
-    ride: Ride | None, history: CarHistory | None, sines: CableSines, kinematics: Array, start: Array
-) -> Car:
-    """The car before the first step, if it rolls."""
-    if ride is None or history is None:
-        return rolling.NO_CAR
-    return rolling.car_by_slopes_without_thrust(ride.loads, sines, kinematics_in_row(kinematics, 0), start)
-
-
 @compiled
 def solve_steps(
     ride: Ride | None, history: CarHistory | None, sines: CableSines, kinematics: Array, start: Array, rules: Array,
@@ -280,8 +270,11 @@ def solve_steps(
     ends = np.empty((m, 3, size))
     outcomes = np.full((m, 6), math.nan)
     workspace = allocate_workspace(size, sines)
-    now = instant_at(sines, kinematics_in_row(kinematics, 0))
-    car = car_at_start(ride, history, sines, kinematics, start)
+    at_start = kinematics_in_row(kinematics, 0)
+    now = instant_at(sines, at_start)
+    car = rolling.NO_CAR
+    if ride is not None:
+        car = rolling.car_by_slopes_without_thrust(ride.loads, sines, at_start, start)
     for i in range(m):
         rule = rules[i]
         begin = start if i == 0 else ends[i - 1]

@@ -48,7 +48,7 @@ class _RestingStart(GalerkinSystem):
         x = super()._state_at_entry()
         s_o, ds_o, dds_o = self.motion.position_with_rates(x.t, 0)
         a = np.zeros_like(x.a)
-        a[self.n - 1 :: self.n] = -self._load_per_mass(s_o, ds_o, dds_o)
+        a[self.n - 1 :: self.n] = -self._inertia_and_weight_per_mass(s_o, ds_o, dds_o)
         return State(x.t, x.q, np.zeros_like(x.v), a, 0)
 
 
