@@ -219,8 +219,9 @@ class CarBody(Body):
 
     def force_on_rope(self, wheel: ContactState) -> Array:
         """The force (..., 2) on the rope at a wheel, by the balance of the pieces beside it."""
-        kink = (self.rho * wheel.ds**2)[..., None] * (wheel.slope_ahead - wheel.slope_behind)
-        return wheel.behind - wheel.ahead + kink
+        flow = (self.rho * wheel.ds**2)[..., None]
+        turning = flow * (wheel.slope_ahead - wheel.slope_behind)
+        return wheel.behind - wheel.ahead + turning
 
     def wheel_states(self, x: Any) -> Sequence[ContactState]:
         """The contacts, from left to right."""

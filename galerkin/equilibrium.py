@@ -50,6 +50,7 @@ def forces_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibrium
     second_left, second_right = basis.phi(ends, -2)
     rates = zip(x.hat_slope_rates(2), x.hat_slope_rates(1), strict=True)  # behind, ahead
     ray_behind, ray_ahead = (twice + damping * once for twice, once in rates)
+    # int s w.. ds behind and int (1 - s) w.. ds ahead of the mass, with damping
     moment_behind = sum_of_functions(A, s_o * first - second + second_left) + ray_behind * s_o**3 / 3.0
     moment_ahead = sum_of_functions(A, second_right - second - rest * first) + ray_ahead * rest**3 / 3.0
     behind = (side_forces[:, 0] + moment_behind) / s_o

@@ -18,9 +18,13 @@ class WatchedEvents:
         self.passages = possible_passages(line)
         self.gaps = self._segments_where_cars_may_meet(line, cars)
         # contacts of free cars that may stop, and the positions where their brakes begin
-        free = {k: body.car for k, body in cars.items() if body.car.drive_kind == "free"}
-        self.stops = [k for k, car in free.items() if car.drive.has_friction_or_brakes]
-        self.brakes = [(k, position) for k in self.stops for position, _ in cars[k].car.drive.brakes]
+        self.stops: list[int] = []
+        self.brakes: list[tuple[int, float]] = []
+        for k, body in cars.items():
+            drive = body.car.drive
+            if body.car.drive_kind == "free" and drive.has_friction_or_brakes:
+                self.stops.append(k)
+                self.brakes += [(k, position) for position, _ in drive.brakes]
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
         self.names = self._event_names(line, {k: body.car.name for k, body in cars.items()})
 

@@ -206,7 +206,8 @@ def _contact_motion(line: MovingLine, contact: Contact, body: Body, s: Array, x:
     elif contact is line.contacts[-1]:
         ahead = none
     else:  # the rope turns there
-        pressure -= (line.rope.mass_per_length * x.ds**2)[:, None] * (x.slope_ahead - x.slope_behind)
+        flow = (line.rope.mass_per_length * x.ds**2)[:, None]
+        pressure -= flow * (x.slope_ahead - x.slope_behind)
     return ContactMotion(
         name=contact.name, kind=contact.kind, s=s, ds=x.ds, point=x.p, tension_behind=behind, tension_ahead=ahead,
         pressure=pressure, rise=rise,
@@ -218,7 +219,8 @@ def _material_force(line: MovingLine, force: Array, ds: Array) -> Array:
     rope = line.rope
     N = length(force)
     stretch = 1.0 + N / rope.EA
-    return 0.5 * N**2 / rope.EA - N * stretch + 0.5 * rope.mass_per_length * (ds * stretch) ** 2
+    W = 0.5 * N**2 / rope.EA
+    return W - N * stretch + 0.5 * rope.mass_per_length * (ds * stretch) ** 2
 
 
 def _rope_energies(rope: Rope) -> Array:

@@ -99,7 +99,8 @@ class ChordCable:
     fields = 1
 
     def __init__(self, groups: Groups, model: str) -> None:
-        self.lam, self.kap = {"sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}.get(model, (0.0, 0.0))
+        self.lam = 1.0 if model in ("sagged", "stretching") else 0.0
+        self.kap = 1.0 if model == "stretching" else 0.0
         self.groups = groups
         self.alpha = groups.alpha
         self.T_chord = 1.0 / groups.chord_cos
@@ -120,7 +121,8 @@ class ChordCable:
         q = Q[0]
         Sq = q @ S
         strain = b @ q + 0.5 * self.kap * (q @ Sq)  # the mean along the cable
-        return Sq, self.alpha * self.lam * strain, b + self.kap * Sq
+        h = self.alpha * self.lam * strain
+        return Sq, h, b + self.kap * Sq
 
     def internal_force_and_tensions(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float]:
         Sq, h, g = self._chord_force_rise_and_gradient(tables, Q)

@@ -59,8 +59,10 @@ class Follower(NamedTuple):
         K[..., column[self.c]] += by
         by_p, by_v, by_a = by
         at = column[self.pitch]
-        K[0, :, at] += by_p @ n - by_v @ (dth * arm) - by_a @ (ddth * arm + dth**2 * n)
-        K[1, :, at] += by_v @ n - by_a @ (2.0 * dth * arm)
+        dn = -dth * arm
+        ddn = -(ddth * arm + dth**2 * n)
+        K[0, :, at] += by_p @ n + by_v @ dn + by_a @ ddn
+        K[1, :, at] += by_v @ n + by_a @ (2.0 * dn)
         K[2, :, at] += by_a @ n
 
 
