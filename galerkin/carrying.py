@@ -107,7 +107,8 @@ def positions_slopes_and_velocities_at(layout: Layout, Z: Array, s: Array) -> Ar
     r = (B @ u)[:, 0]
     slope = (slopes @ u)[:, 0] / h[:, None]
     at_fixed_xi = (B @ du)[:, 0]
-    return np.stack([r, slope, at_fixed_xi - ds_of_xi[:, None] * slope])
+    velocity = at_fixed_xi - ds_of_xi[:, None] * slope
+    return np.stack([r, slope, velocity])
 
 
 def _fit_segment(old: Layout, before: Array, layout: Layout, Z: Array, i: int) -> None:
@@ -128,5 +129,6 @@ def _fit_segment(old: Layout, before: Array, layout: Layout, Z: Array, i: int) -
         Z[order, columns[inner]] = np.linalg.lstsq(root * functions[:, inner], of_inner, rcond=None)[0]
 
     B, slopes = tables.B[:2]
-    fit(0, slopes, slope * (b - a))
-    fit(1, B, velocity + ds[:, None] * (slopes @ Z[0, columns]) / (b - a))
+    h = b - a
+    fit(0, slopes, slope * h)
+    fit(1, B, velocity + ds[:, None] * (slopes @ Z[0, columns]) / h)

@@ -102,11 +102,12 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def car_by_equilibrium_tension(self, x: State, held_loads: rolling.CarLoads | None = None) -> Car:
         """The car, by the tension from equilibrium; with `held_loads` it is held."""
         ride, sines, kinematics = self._kernel_arguments(x)
+        state = np.array(x[1:4])
         if held_loads is not None:
             ride = rolling.Ride(rolling.STUCK, held_loads, 0.0)
         r = np.empty(self.n_dof)
         none = np.empty((0, self.n_dof, self.n_dof))
-        return kernels.set_residual_and_derivatives(ride, sines, kinematics, np.array(x[1:4]), r, none).car
+        return kernels.set_residual_and_derivatives(ride, sines, kinematics, state, r, none).car
 
     def _car_by_slopes_without_thrust(self, x: State) -> Car:
         """The car, by slopes of the basis and without thrust."""
@@ -288,7 +289,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def hold_and_normal_force(self, x: State) -> tuple[float, float]:
         car = self.car_by_equilibrium_tension(x)
-        return car.needed_force_along_rope - self.hold_force(x.t) / car.stretch, car.normal
+        held = car.needed_force_along_rope - self.hold_force(x.t) / car.stretch
+        return held, car.normal
 
 
 class HauledCarAtRest(RollingSystem):

@@ -254,8 +254,11 @@ class Rope:
         _, dl, ddl = self.left[..., 0]  # (S,) each
         h, dh, ddh = self.h[..., 0]
         none = 0.0 * h
-        rate = np.stack([-dl / h, -dh / h, none])  # of xi by rising powers of it, (3, S)
-        squared = np.stack([rate[0] ** 2, 2.0 * rate[0] * rate[1], rate[1] ** 2])
+        # rate of xi, its square and its own rate at fixed s, by rising powers of xi, (3, S)
+        a = -dl / h
+        b = -dh / h
+        rate = np.stack([a, b, none])
+        squared = np.stack([a**2, 2.0 * a * b, b**2])
         faster = -np.stack([ddl, ddh, none]) / h - 2.0 * dh / h * rate
         # factors of the derivatives of B times powers of xi in the jet
         factors = np.zeros((3, h.size, 3, 3))
