@@ -54,7 +54,13 @@ def _tracks_at_mass(*signals: Callable[[Response], Array]) -> Tracks:
 
 def _driving_force_tracks(drive_mode: str, change: Callable[[Array], Array] = np.positive) -> Tracks:
     """The force along the rope that drives a car: of a haul rope, or a free car's thrust; none in another mode."""
-    return lambda r: [Track(r.t, change(r.F_haul), r.s_o)] if r.drive == drive_mode else []
+
+    def tracks(r: Response) -> list[Track]:
+        if r.drive != drive_mode:
+            return []
+        return [Track(r.t, change(r.F_haul), r.s_o)]
+
+    return tracks
 
 
 def _free_car_deceleration_tracks(r: Response) -> list[Track]:
@@ -159,7 +165,8 @@ def design_quantities(scene: Scene) -> dict[str, DesignQuantity]:
     if "sag_growth" in demands_of_limits(scene):
         quantities["sag_car_max"] = DesignQuantity(1.0, _car_sag_tracks)
     if scene.mass is not None and scene.mass.wheels is not None:
-        for name in rope_stresses_under_wheel(scene.cable, scene.mass.wheels, np.ones(1), np.ones(1)):
+        one = np.ones(1)
+        for name in rope_stresses_under_wheel(scene.cable, scene.mass.wheels, one, one):
             sign = -1.0 if name.endswith("min") else 1.0
             tracks = partial(_stress_tracks_behind_and_ahead, scene.cable, scene.mass.wheels, name)
             quantities[name] = DesignQuantity(sign, tracks)
@@ -462,7 +469,8 @@ class Signal:
     def values_at(self, track: int, times: Array, r: Response) -> Array:
         """Values (n,) of a track by its index at times; nan of a run that ends before."""
         t, value, _ = self.averaged_samples(self.quantity.tracks(r)[track])
-        if t.size == 0 or t[-1] < min(times[-1], r.t[-1]) - np.ptp(times):
+        needed = min(times[-1], r.t[-1]) - np.ptp(times)
+        if t.size == 0 or t[-1] < needed:
             return np.full(times.shape, math.nan)
         return np.interp(times, t, value)
 
@@ -484,10 +492,13 @@ def _slack_onset_number(r: Response, other: Response | None, ladder: Ladder | No
 
     bar = math.inf
     if ladder is not None:
-        bar = ladder.bar(onset_or_nan, max_distance, FIRST) + float(np.diff(r.s_o).max()) / r.length
+        step = float(np.diff(r.s_o).max()) / r.length
+        bar = ladder.bar(onset_or_nan, max_distance, FIRST) + step
     s_o = r.slack_onset * r.length
-    where: dict[str, float | None] = {"t": float(np.interp(s_o, r.s_o, r.t)), "s_o": s_o}
+    where: dict[str, float | None] = {"s_o": s_o}
+    where["t"] = float(np.interp(s_o, r.s_o, r.t))
     if r.slack_at is not None:
         s = r.slack_at * r.length
-        where |= {"x": float(np.interp(s, r.fields.s, r.fields.x)), "s": s}
+        where["s"] = s
+        where["x"] = float(np.interp(s, r.fields.s, r.fields.x))
     return _design_row("slack_onset", r.slack_onset, bar, "s_o/l", **where)

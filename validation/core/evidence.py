@@ -214,8 +214,9 @@ class Evidence:
         ahead = self.r.slope_ahead
         work = -0.5 * np.sum(self.r.contact * (behind + ahead), axis=1)
         work -= (T_ahead**2 - T_behind**2) / (2.0 * self.data.EA)
+        kink = ahead - behind
         for T, slope in ((T_behind, behind), (T_ahead, ahead)):
-            work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * (ahead - behind), axis=1)
+            work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * kink, axis=1)
         return self.travel_speed * work
 
     # --- the cable, at frames ------------------------------------------------------------------------------
@@ -327,7 +328,8 @@ class Evidence:
 
 
 def _array_fields(x: Any) -> dict[str, Array]:
-    return {f.name: value for f in fields(x) if isinstance(value := getattr(x, f.name), np.ndarray)}
+    values = {f.name: getattr(x, f.name) for f in fields(x)}
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
 
 def cumulative_integral(t: Array, f: Array, jumps: Sequence[float]) -> Array:
@@ -339,7 +341,8 @@ def cumulative_integral(t: Array, f: Array, jumps: Sequence[float]) -> Array:
         if 0 < i < t.size - 1:
             late = changes[i - 1] > changes[i]
             mean[i - 1 if late else i] = f[i - 1 if late else i + 1]
-    return np.concatenate([0.0 * f[:1], np.cumsum(mean * np.diff(t)[:, None], axis=0)])
+    integral = np.cumsum(mean * np.diff(t)[:, None], axis=0)
+    return np.concatenate([0.0 * f[:1], integral])
 
 
 def cross_product(a: Array, b: Array) -> Array:

@@ -581,7 +581,8 @@ def _field_at_mass(evidence: Evidence, field_of_side: Callable[[Side], Array]) -
             y = field_of_side(side)[::order][:3]
             extrapolated = 0.0 * y[0]
             if can_extrapolate:
-                extrapolated = y[1] + (y[1] - y[2]) * (s[0] - s[1]) / (s[1] - s[2])
+                step = (y[1] - y[2]) * (s[0] - s[1]) / (s[1] - s[2])
+                extrapolated = y[1] + step
             values.append(can_extrapolate * y[0])
             gaps.append(can_extrapolate * y[0] - extrapolated)
     shape = len(evidence.rope_sides_at_window_times), -1

@@ -153,8 +153,9 @@ class CarBody:
         self.moment = cross_product(lever, self.force)
         air = self.dc - drive.get("wind", 0.0)
         self.drag = -air_drag_factor(drive) * np.abs(air) * air
-        self.powers = [dot(self.force, self.dc + 1j * self.rate * lever), dot(self.drag, self.dc)]
-        self.powers.append(-self.damping * self.rate**2)
+        of_force = dot(self.force, self.dc + 1j * self.rate * lever)
+        of_drag = dot(self.drag, self.dc)
+        self.powers = [of_force, of_drag, -self.damping * self.rate**2]
 
     def _direction_of_travel(self) -> Array:
         """Sign (n,) of the speed of the front contact; at a standstill that of the next motion."""
@@ -204,8 +205,8 @@ class CarBody:
     @property
     def energy(self) -> Array:
         """Kinetic and potential energy [J]."""
-        masses = [m * (0.5 * np.abs(v) ** 2 - self.g * p.imag) for m, p, v in self.masses]
-        return np.asarray(sum(masses) + 0.5 * self.inertia * self.rate**2)
+        energies = [m * (0.5 * np.abs(v) ** 2 - self.g * point.imag) for m, point, v in self.masses]
+        return np.asarray(sum(energies) + 0.5 * self.inertia * self.rate**2)
 
     @property
     def momentum(self) -> ComplexVector:

@@ -79,7 +79,8 @@ def moving_means(t: Array, values: Array, period: float) -> Array:
     jumps = np.flatnonzero(np.diff(t) <= 0.0)
     pieces = [piece for piece in np.split(steps, jumps + 1) if piece.size > 1]
     starts = [t[piece[0]] for piece in pieces]
-    low = np.clip(t - 0.5 * period, t[0], max(t[-1] - period, t[0]))
+    latest = max(t[-1] - period, t[0])
+    low = np.clip(t - 0.5 * period, t[0], latest)
     high = np.minimum(low + period, t[-1])
     ends = np.stack([low, high])  # (2, n)
     piece_of_end = np.clip(np.searchsorted(starts, ends, side="right") - 1, 0, None)
@@ -319,8 +320,9 @@ def relative_unbalanced_work(moved: LineRun, every: int = 1) -> Array:
 def with_every_second_station(moved: LineRun) -> LineRun:
     """The run with every second station of the rope, both ends among them."""
     motion = moved.motion
-    fewer = replace(motion, s=motion.s[::2], points=motion.points[:, ::2], tension=motion.tension[:, ::2])
-    return replace(moved, motion=fewer)
+    points = motion.points[:, ::2]
+    tension = motion.tension[:, ::2]
+    return replace(moved, motion=replace(motion, s=motion.s[::2], points=points, tension=tension))
 
 
 def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., Array], end: float) -> Agreement:
@@ -486,11 +488,13 @@ def _heights_along_path(t: Array, path: Array, ground: Array) -> tuple[Array, Ar
     over = (path[:, 0] >= x[0]) & (path[:, 0] <= x[-1])
     times = [t[over]]
     points = [path[over]]
+    step = np.diff(path, axis=0)
     for corner in x:
-        i = np.flatnonzero((path[:-1, 0] < corner) != (path[1:, 0] < corner))
-        w = (corner - path[i, 0]) / (path[i + 1, 0] - path[i, 0])
+        left = path[:, 0] < corner
+        i = np.flatnonzero(left[:-1] != left[1:])
+        w = (corner - path[i, 0]) / step[i, 0]
         times.append(t[i] + w * (t[i + 1] - t[i]))
-        points.append(path[i] + w[:, None] * (path[i + 1] - path[i]))
+        points.append(path[i] + w[:, None] * step[i])
     x_path, y = np.concatenate(points).T
     return np.concatenate(times), np.interp(x_path, x, depth) - y
 

@@ -113,7 +113,8 @@ def _haul_force(groups: Groups, r: Rest, velocity: Array, acceleration: Array) -
     tau = _unit_mean_tangent(r)
     size = np.linalg.norm(r.slope_behind + r.slope_ahead, axis=1)
     air = velocity - [groups.drive.wind, 0.0]  # velocity relative to the air (n, 2)
-    drag = -groups.drive.k * np.linalg.norm(air, axis=1)[:, None] * air
+    air_speed = np.linalg.norm(air, axis=1)[:, None]
+    drag = -groups.drive.k * air_speed * air
     more = groups.mu * acceleration - drag
     weight = groups.mu * groups.sigma * tau[:, 0]  # across the tangent (n,)
     contact = weight + more[:, 0] * tau[:, 1] - more[:, 1] * tau[:, 0]
@@ -185,13 +186,14 @@ class Statics:
         """T at stations s (m,) with the car at s_o (k,): (k, m), behind at s = s_o."""
         r = self(s_o)
         ahead = (s > s_o[:, None])[..., None]  # (k, m, 1)
-        force = r.left_force[:, None] + ahead * r.jump[:, None]  # (k, m, 2)
-        return np.hypot(force[..., 0], force[..., 1] - self._groups.sigma * s)
+        horizontal, vertical = np.moveaxis(r.left_force[:, None] + ahead * r.jump[:, None], 2, 0)  # (k, m) each
+        return np.hypot(horizontal, vertical - self._groups.sigma * s)
 
     def __call__(self, s: Array) -> Rest:
         """The cable at rest with the car at s (n,)."""
         at = np.clip(s, *self._range)
-        return Rest(s=np.asarray(s, float), **{name: spline(at) for name, spline in self._splines.items()})
+        fields = {name: spline(at) for name, spline in self._splines.items()}
+        return Rest(s=np.asarray(s, float), **fields)
 
 
 def _min_tension_and_position(r: Rest, sigma: float) -> tuple[Array, Array]:
@@ -239,7 +241,8 @@ def _station_points(r: Rest, groups: Groups, s: Array) -> Array:
     dx = horizontal[..., 0] * weights.sum(axis=2)  # of each piece (k, m)
     dy = (weights * vertical).sum(axis=2)
     start = np.zeros((r.s.size, 1, 2))
-    points = np.concatenate([start, np.cumsum(np.stack([dx, dy], axis=2), axis=1)], axis=1)
+    pieces = np.stack([dx, dy], axis=2)  # (k, m, 2)
+    points = np.concatenate([start, np.cumsum(pieces, axis=1)], axis=1)
     index = np.arange(s.size) + (s > r.s[:, None])
     return np.take_along_axis(points, index[..., None], axis=1)
 

@@ -178,7 +178,8 @@ def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:
     """Signals of each kind of design number."""
     f = r.fields
     at_steps = _signals_at_car(r, data)
-    tensions = [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)]
+    tensions = [(r.t, r.T_behind), (r.t, r.T_ahead)]
+    tensions.append((f.t, f.T))
     for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):
         horizontal, vertical = np.abs(force.T)
         size = np.hypot(horizontal, vertical)
@@ -187,7 +188,9 @@ def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:
         at_steps[f"reaction_{side}_horizontal"] = horizontal
         at_steps[f"reaction_{side}_vertical"] = vertical
         at_steps[f"angle_{side}"] = np.degrees(np.arcsin(vertical / size))
-    signals: dict[str, Signals] = {name: [(r.t, values)] for name, values in at_steps.items()}
+    signals: dict[str, Signals] = {}
+    for name, values in at_steps.items():
+        signals[name] = [(r.t, values)]
     wheels = data.scene["mass"].get("wheels", {})
     for N in (r.T_behind, r.T_ahead) if wheels else ():
         load = at_steps["contact"] / wheels.get("count", 2)
@@ -276,8 +279,9 @@ def _relative_path_distance(r: Response, counterpart: Response, window: tuple[fl
     degree : of the spline through the finer run.
     """
     coarse, fine = sorted((r, counterpart), key=lambda x: x.t.size)
+    low, high = window
     position = coarse.s_o / coarse.length
-    in_window = (position >= window[0]) & (position <= window[1] * (1.0 + ROUNDING))
+    in_window = (position >= low) & (position <= high * (1.0 + ROUNDING))
     rows = in_window & (coarse.t <= fine.t[-1])
     names = ("x", "y") if r.drive == "free" else ("u", "v")
     squares = np.zeros(np.count_nonzero(rows))
@@ -286,7 +290,8 @@ def _relative_path_distance(r: Response, counterpart: Response, window: tuple[fl
         offset = getattr(coarse, name)[rows] - spline(coarse.t[rows])
         squares += offset**2
     scale = max(0.1 * x.length if x.drive == "free" else x.max_deflection for x in (r, counterpart))
-    return float(np.sqrt(squares).max(initial=0.0)) / scale
+    largest = np.sqrt(squares).max(initial=0.0)
+    return float(largest) / scale
 
 
 def _rms_tension_distance_over_H(r: Response, counterpart: Response, window: tuple[float, float]) -> float:
@@ -381,7 +386,9 @@ def _expected_outcome_of_travel(r: Response, data: SceneData) -> ExpectedOutcome
     """The end of a prescribed travel, by the TOML."""
     hauled = r.drive == "haul"
     start = timetable.start_position(data.travel, data.drive, r.length)
-    end = data.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
+    end = r.length
+    if hauled:
+        end = data.drive.get("end", {}).get("place", 0.99 * r.length)
     last, duration = _travel_end_and_duration(data, r.length, start, end)
     # a law and a design number judge the onset itself; here its text is compared
     onset = min(r.slack_onset_or_inf, position_where_mass_outruns_waves(r))  # s_o/l

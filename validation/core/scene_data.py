@@ -54,7 +54,8 @@ def rope_stresses_at_wheel(cable: dict[str, Any], wheels: dict[str, Any], N: Arr
         taut = np.where(N > 0.0, N, math.nan)
         bending = Q * np.sqrt(cable["E"] / (cable["section"] * taut))
         if "wire" in cable and "radius" in wheels:
-            bending = np.minimum(bending, 0.5 * cable["E"] * cable["wire"] / wheels["radius"])
+            largest = 0.5 * cable["E"] * cable["wire"] / wheels["radius"]
+            bending = np.minimum(bending, largest)
         out["stress_axial"] = taut / cable["section"]
         out["stress_bending"] = bending
         out["stress"] = out["stress_axial"] + bending
@@ -102,7 +103,9 @@ def min_height_over(profile: Array, x: Array, y: Array) -> float:
 
 def obstacle_and_ground_profiles(scene: dict[str, Any]) -> dict[str, Array]:
     """Points (n, 2) of x and depth [m] of a TOML's obstacles, each one point, and of its ground, by name."""
-    profiles = {o["name"]: np.array([[o["at"], o["top"]]], float) for o in scene.get("obstacle", [])}
+    profiles = {}
+    for obstacle in scene.get("obstacle", []):
+        profiles[obstacle["name"]] = np.array([[obstacle["at"], obstacle["top"]]], float)
     if scene.get("ground"):
         profiles[GROUND] = np.array(scene["ground"], float)
     return profiles
@@ -173,7 +176,8 @@ class SceneData:
     def _crosswind_drag_factor(self) -> float:
         """rho_air c_D d/2 [N s^2/m^3], d with ice."""
         ice = self.cable.get("ice")
-        d = self.cable["diameter"] + 2.0 * (ice["thickness"] if isinstance(ice, dict) else 0.0)
+        thickness = ice["thickness"] if isinstance(ice, dict) else 0.0
+        d = self.cable["diameter"] + 2.0 * thickness
         air = self.wind.get("air_density", 1.2)
         c_D = self.wind.get("drag_coefficient", 1.2)
         return 0.5 * air * c_D * d
@@ -206,7 +210,8 @@ class SceneData:
         L2 = weight_over_H**2 * self.EA / H * cos**5
 
         def sums(w: float) -> float:
-            return 1.0 + float(np.sum(8.0 * L2 / (n**2 * (n**2 - w**2))))
+            terms = 8.0 * L2 / (n**2 * (n**2 - w**2))
+            return 1.0 + float(np.sum(terms))
 
         w = 2.0 * math.pi
         if sums(w) > 0.0:
@@ -230,7 +235,8 @@ def _catenary_length_and_mean_tension(
         middle = math.asinh(drop / (2.0 * a * math.sinh(half)))
         deepest = math.asinh(drop / span)
         left = middle + half
-        sag = a * (math.cosh(left) - math.cosh(deepest)) - drop / span * a * (left - deepest)
+        fallen = a * (math.cosh(left) - math.cosh(deepest))
+        sag = fallen - drop / span * a * (left - deepest)
         return 2.0 * a * math.cosh(middle) * math.sinh(half), sag, middle, half
 
     a = value / weight
@@ -242,7 +248,8 @@ def _catenary_length_and_mean_tension(
         def excess(log_a: float) -> float:
             return catenary(math.exp(log_a))[which] - value
 
-        a = math.exp(brentq(excess, math.log(0.1 * span), math.log(1e6 * span)))
+        log_a = brentq(excess, math.log(0.1 * span), math.log(1e6 * span))
+        a = math.exp(log_a)
     length, _, middle, half = catenary(a)
     squares = half + 0.5 * math.sinh(2.0 * half) * math.cosh(2.0 * middle)  # integral of cosh(u)^2
     return length, a * weight * squares * a / length
