@@ -247,9 +247,9 @@ class CarBody(Body):
         """Sizes (..., wheels) [N] of both, of wheels that press on the rope with loads (..., wheels) [N]."""
         return friction.rolling * loads * np.sign(loads.real) + friction.brake
 
-    def max_friction_and_brake_force(self, x: Any, friction: Friction) -> Array:
+    def max_friction_plus_brake_force(self, x: Any, friction: Friction) -> float:
         """Sum over the wheels [N] of what friction and brakes can give."""
-        return self.friction_and_brake_forces(self.normal_wheel_loads(x), friction).sum()
+        return float(self.friction_and_brake_forces(self.normal_wheel_loads(x), friction).sum())
 
     def signed_friction_and_hold(self, loads: Array, friction: Friction) -> Array:
         """f of each wheel (..., wheels) [N]; what holds a car holds the last one."""

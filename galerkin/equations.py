@@ -143,7 +143,7 @@ class GalerkinSystem(System):
         self.min_tension_and_position = self.cable.min_tension_and_position(self.basis, x.tables, tensions)
         r = self._residual_at_instant(x, q, v, a, force)
         K = self._tangent_at_instant(x, stiffness, c)
-        return r, lu_solver_overwriting(K)
+        return r, overwriting_lu_solver_or_nan(K)
 
     def _coefficients_by_field(self, y: Array) -> Array:
         """The coefficients (fields, n) of unknowns or rates."""
@@ -332,7 +332,7 @@ class GalerkinSystem(System):
         return observe(self, states, s, frames)
 
 
-def lu_solver_overwriting(K: Array) -> Solve:
+def overwriting_lu_solver_or_nan(K: Array) -> Solve:
     """r -> K^-1 r by LAPACK's LU of K^T, in Fortran's order; NaN where K is singular."""
     getrf, getrs = (zgetrf, zgetrs) if np.iscomplexobj(K) else (dgetrf, dgetrs)
     lu, pivots, info = getrf(K.T, overwrite_a=True)

@@ -13,7 +13,7 @@ from cablefem.motion import LineMotion
 from cablefem.newmark import ACCELERATION_ONLY, Solve, State, StepFailure, System, TangentFactors
 from cablefem.scene.contacts import NEAREST, Array, Contact, MovingLine
 from galerkin.bodies import CarBody, Friction
-from galerkin.equations import lu_solver_overwriting
+from galerkin.equations import overwriting_lu_solver_or_nan
 from galerkin.line_equations import LineEquations, body_at_contact
 from galerkin.line_events import WatchedEvents
 from galerkin.line_observe import observe
@@ -174,7 +174,7 @@ class LineSines(System):
             self._linearised = last
         c0, c1, c2 = c
         by_q, by_v, by_a = last.K
-        return last.r, lu_solver_overwriting(c0 * by_q + c1 * by_v + c2 * by_a)
+        return last.r, overwriting_lu_solver_or_nan(c0 * by_q + c1 * by_v + c2 * by_a)
 
     def _residual_and_derivatives(self, x: State) -> tuple[Array, Array]:
         """The residual, and its derivatives (3, n_dof, n_dof) by q, v, a."""
@@ -200,7 +200,7 @@ class LineSines(System):
         contact_values = self.held_equations.contact_values(rope, rest)
         self._require_taut_rope_on_saddles(rope.tensions.N, contact_values)
         for k in self.free_cars:
-            self._release_car(k, rest, contact_values)
+            self._set_release_friction_or_raise(k, rest, contact_values)
         free = self.equations.free
         forces = self.equations.forces
         q = np.where(forces, 0.0, rest[0, free])
@@ -270,7 +270,7 @@ class LineSines(System):
         self.frictions[k] = Friction(body.car.drive.mu_r, body.brake_forces_of_wheels(s), sign)
         self._linearised = None
 
-    def _release_car(self, k: int, Z: Array, contact_values: Array) -> None:
+    def _set_release_friction_or_raise(self, k: int, Z: Array, contact_values: Array) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
         body = self.cars[k].copy_held_without_drag()
         state = self.held_equations.contact_state(contact_values, k)
@@ -281,7 +281,7 @@ class LineSines(System):
         needed = self.holds[k] - thrust / cos_phi
         s = float(Z[0, self.layout.s[self.travel_contact[k]]])
         self._set_friction(k, s, -float(np.sign(needed)))
-        available = float(body.max_friction_and_brake_force(state, self.frictions[k]))
+        available = body.max_friction_plus_brake_force(state, self.frictions[k])
         if drive.has_friction_or_brakes and abs(needed) <= available:
             raise StepFailure(0.0, f"friction or brakes hold {body.car.name} where it begins", "begin on steeper rope")
 
@@ -312,7 +312,7 @@ class LineSines(System):
         if not self._sticks(k):
             return math.inf
         state = self.equations.contact_state(contact_values, k)
-        available = float(self.cars[k].max_friction_and_brake_force(state, self.frictions[k]))
+        available = self.cars[k].max_friction_plus_brake_force(state, self.frictions[k])
         return available - abs(self._needed_friction(k, t, contact_values))
 
     def _stick_or_slip_from_rest(self, k: int, x: State) -> State:

@@ -23,7 +23,7 @@ from cablefem.stickslip import CarForces, RollingCar
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.kink import Array
-from galerkin.equations import GalerkinSystem, lu_solver_overwriting
+from galerkin.equations import GalerkinSystem, overwriting_lu_solver_or_nan
 from galerkin.kernels import rolling
 from galerkin.kernels.rolling import Car
 
@@ -160,7 +160,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         r, derivatives = self._residual_and_derivatives(State(t, q, v, a, phase), 3)
-        return r, lu_solver_overwriting(np.tensordot(c, derivatives, 1))
+        return r, overwriting_lu_solver_or_nan(np.tensordot(c, derivatives, 1))
 
     def _residual_and_derivatives(self, x: State, derivative_count: int) -> tuple[Array, Array]:
         """The residual, NaN off the cable, and the first of its derivatives by q, v, a; stores the smallest tension."""
@@ -301,4 +301,4 @@ class HauledCarAtRest(RollingSystem):
         x = State(t, q, v, np.append(a[:-1], haul), phase)
         r, derivatives = self._residual_and_derivatives(x, 3)
         derivatives[0, :, -1] = derivatives[2, :, -1]
-        return r, lu_solver_overwriting(np.tensordot(c, derivatives, 1))
+        return r, overwriting_lu_solver_or_nan(np.tensordot(c, derivatives, 1))

@@ -123,7 +123,7 @@ def _soft_law(system: LineBalance, N: Array, fraction: float) -> Array:
 
 def _set_guess_and_return_tensions(system: LineBalance, q: Array, free: Mask) -> Array:
     """Set free ones of q to parabolas between guessed contacts; return tensions (K,) of the segments."""
-    guess = _guess_contacts(system, q, free)
+    guess = _guess_contact_points_and_tensions(system, q, free)
     s = np.where(free[system.s], guess.s, q[system.s])
     q[system.s] = s
     dx, dy = np.diff(guess.points, axis=0).T
@@ -139,7 +139,7 @@ def _set_guess_and_return_tensions(system: LineBalance, q: Array, free: Mask) ->
     return guess.H * np.hypot(dx, dy) / dx
 
 
-def _guess_contacts(system: LineBalance, q: Array, free: Mask) -> Start:
+def _guess_contact_points_and_tensions(system: LineBalance, q: Array, free: Mask) -> Start:
     """Points and s of the contacts and horizontal tensions, such that prescribed s in q are nearly met.
 
     Raises StepFailure where no rope can hold the cars.

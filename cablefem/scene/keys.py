@@ -104,9 +104,9 @@ def _keys_of_kinds(tables: list[dict[str, Any]], definitions: dict[str, Any], na
             yield key
 
 
-def similar_keys_text(key: str, part: type[Part]) -> str:
-    """The keys of a part whose last name, or whose table, is `key`, as a sentence; "" if there are none."""
-    names = list(dict.fromkeys(x.name for x in list_keys(part)))
-    inside = [name for name in names if name.startswith(f"{key}.")]
-    similar = [name for name in names if name.endswith(f".{key}")] or inside
-    return f"the scene has {', '.join(similar[:4])}" if similar else ""
+def keys_containing_name_text(name: str, part: type[Part]) -> str:
+    """The keys of a part whose last name, or whose table, is `name`, as a sentence; "" if there are none."""
+    keys = list(dict.fromkeys(x.name for x in list_keys(part)))
+    inside = [key for key in keys if key.startswith(f"{name}.")]
+    containing = [key for key in keys if key.endswith(f".{name}")] or inside
+    return f"the scene has {', '.join(containing[:4])}" if containing else ""

@@ -54,8 +54,8 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
         faults += [*_travel_range_faults(table, car, last), *_brake_faults(car, last)]
     _raise_if_any(faults)
     start_x = {car.name: empty.x_of_position(car, _start_position(car)) for car in cars}
-    passing = {car.name: _saddles_passed(car, contacts, empty) for car in cars}
-    _raise_if_any([*_order_faults(cars, start_x), *_unpassable_saddle_faults(cars, passing, start_x)])
+    saddles_by_car = {car.name: _saddles_passed(car, contacts, empty) for car in cars}
+    _raise_if_any([*_order_faults(cars, start_x), *_unpassable_saddle_faults(cars, saddles_by_car, start_x)])
     x = {c.name: c.point[0] for c in contacts} | start_x
     everything: list[Contact | Car] = [*contacts, *cars]
     everything.sort(key=lambda c: x[c.name])
@@ -63,9 +63,9 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     t_end = max(map(_end_time, cars), default=0.0)
     moving_line = MovingLine(rope=rope, contacts=tuple(everything), t_end=t_end, gravity=line.gravity, solve=solve)
     faults = [*_ends_in_motion_faults(moving_line), *_rear_wheel_start_faults(moving_line)]
-    _raise_if_any([*faults, *_meeting_faults(moving_line, passing, empty)])
+    _raise_if_any([*faults, *_timetable_meeting_or_shoe_faults(moving_line, saddles_by_car, empty)])
     for car in cars:
-        for saddle in passing[car.name]:
+        for saddle in saddles_by_car[car.name]:
             faults += _too_heavy_for_shoe_faults(moving_line, car, saddle)
     _raise_if_any(faults)
     return moving_line
@@ -211,11 +211,13 @@ def _rear_wheel_start_faults(line: MovingLine) -> Iterator[str]:
             yield f"car.{car.name}: begins with its front wheel at {_start_position(car):.6g} m; {must}"
 
 
-def _meeting_faults(line: MovingLine, passing: Mapping[str, Sequence[Contact]], empty: EmptyLine) -> Iterator[str]:
+def _timetable_meeting_or_shoe_faults(
+    line: MovingLine, saddles_by_car: Mapping[str, Sequence[Contact]], empty: EmptyLine
+) -> Iterator[str]:
     """The first fault of each two cars whose timetables meet, or that are on one shoe."""
     for a, b in itertools.combinations(line.cars_on_rope, 2):
         if a.travel is not None and b.travel is not None:
-            shoes = [saddle for saddle in passing[a.name] if saddle in passing[b.name]]
+            shoes = [saddle for saddle in saddles_by_car[a.name] if saddle in saddles_by_car[b.name]]
             yield from itertools.islice(_faults_of_two_cars(line, a, b, shoes, empty), 1)
 
 

@@ -113,7 +113,7 @@ def force_energy_and_tangent(T: Array, static_slope: Array, w_s: Array, alpha: f
 
 @inner
 def set_forces_return_energy(points: Points, Q: Array, cable: Cable, force: Array, workspace: Workspace) -> float:
-    """Set the internal force (2, n) and gram, tensions and side_forces of `Workspace`; return int W ds."""
+    """Set the internal force (2, n), and what `Workspace` holds at Gauss points and of the sides; return int W ds."""
     slope = np.empty((2, points.weights.size))
     energy = 0.0
     set_product(Q, points.phi, False, slope)
@@ -126,9 +126,9 @@ def set_forces_return_energy(points: Points, Q: Array, cable: Cable, force: Arra
         workspace.tensions[i] = x.elastic
         rx = static_slope[0] + w_s[0]
         ry = static_slope[1] + w_s[1]
-        workspace.gram[0, i] = weight * (x.k + x.d * rx * rx)
-        workspace.gram[1, i] = weight * (x.d * rx * ry)
-        workspace.gram[2, i] = weight * (x.k + x.d * ry * ry)
+        workspace.weighted_stiffness[0, i] = weight * (x.k + x.d * rx * rx)
+        workspace.weighted_stiffness[1, i] = weight * (x.d * rx * ry)
+        workspace.weighted_stiffness[2, i] = weight * (x.k + x.d * ry * ry)
         slope[0, i] = weight * x.fx
         slope[1, i] = weight * x.fy
         side = 0 if points.phi[-1, i] > 0.0 else 1
@@ -164,8 +164,8 @@ def set_cosine_integrals(phi: Array, f: Array, dense: Array, rows: Array, sums: 
 
 
 @compiled
-def set_stiffness(phi: Array, gram: Array, grading: float, out: Array) -> None:
-    """Set out (2 n, 2 n) to int Phi_i' f_ab Phi_j' ds; gram (3, m): weighted f_xx, f_xy, f_yy.
+def set_stiffness(phi: Array, weighted_stiffness: Array, grading: float, out: Array) -> None:
+    """Set out (2 n, 2 n) to int Phi_i' f_ab Phi_j' ds; weighted_stiffness (3, m): weighted f_xx, f_xy, f_yy.
 
     phi_j' phi_k' = j k pi^2/2 g^2 (cos((j-k) x) + cos((j+k) x)), x = pi xi, g = dxi/ds = 1 + grading phi_2'/(2 pi).
     """
@@ -180,7 +180,7 @@ def set_stiffness(phi: Array, gram: Array, grading: float, out: Array) -> None:
     for i in range(3):
         a = i // 2
         b = (i + 1) // 2
-        set_cosine_integrals(phi, gram[i], dense, rows, sums, c)
+        set_cosine_integrals(phi, weighted_stiffness[i], dense, rows, sums, c)
         for j in range(1, N + 1):
             minus = c[2 * N - j :]
             plus = c[2 * N + j :]
@@ -235,13 +235,15 @@ def add_inertia_and_gripping_mass(at_mass: MassTerms, coefficients: Coefficients
 
 
 @inner
-def set_tangent_with_gripping_mass(now: Instant, sines: CableSines, gram: Array, c: Weights, K: Array) -> None:
+def set_tangent_with_gripping_mass(
+    now: Instant, sines: CableSines, weighted_stiffness: Array, c: Weights, K: Array
+) -> None:
     """Set K (2 n, 2 n) to the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass."""
     terms = now.at_mass.inertia
     mu = sines.cable.inertia
     c0, c1, c2 = c
     n = now.at_mass.inertia.f.size
-    set_stiffness(now.points.phi, gram, sines.grading, K)
+    set_stiffness(now.points.phi, weighted_stiffness, sines.grading, K)
     for i in range(2 * n):
         k = i % n
         first = (i // n) * n

@@ -317,7 +317,7 @@ def add_inertia_and_rolling_car(inputs: CarInputs, R: Array) -> Car:
 
 
 @inner
-def side_force_derivatives(phi: Array, gram: Array) -> Array:
+def side_force_derivatives(phi: Array, weighted_stiffness: Array) -> Array:
     """Derivative of `side_forces` of `Workspace` by Q, (6, n): xx, xy, yy behind, and ahead."""
     n, m = phi.shape
     both = np.zeros((6, m))
@@ -325,7 +325,7 @@ def side_force_derivatives(phi: Array, gram: Array) -> Array:
     for q in range(m):
         first = 0 if phi[n - 1, q] > 0.0 else 3
         for i in range(3):
-            both[first + i, q] = gram[i, q]
+            both[first + i, q] = weighted_stiffness[i, q]
     set_product(both, phi, True, sums)
     return sums
 
@@ -364,7 +364,7 @@ def set_tangent_row_of_car(
     ds_o = at_mass.ds_o
     n = terms.f.size
     row = workspace.K[2 * n]
-    sums = side_force_derivatives(now.points.phi, workspace.gram)
+    sums = side_force_derivatives(now.points.phi, workspace.weighted_stiffness)
     by = defect_derivatives_by_forces(inputs_of_car(at_mass, ride, sines, workspace), car.defect)
     friction = 0.0
     if math.isnan(loads.ax):

@@ -39,7 +39,7 @@ class Workspace(NamedTuple):
     balanced: Array  # (3, n_dof) the state that is balanced
     r: Array  # (n_dof,) its residual
     internal: Array  # (2, n) the internal force in it
-    gram: Array  # (3, m) weighted tangent xx, xy, yy
+    weighted_stiffness: Array  # (3, m) weighted tangent xx, xy, yy
     tensions: Array  # (m,) tension of the elastic law
     side_forces: Array  # (2, 2) int (N t - T t_static) ds behind and ahead of the mass
     K: Array  # (n_dof, n_dof)
@@ -90,11 +90,13 @@ def allocate_workspace(size: int, sines: CableSines) -> Workspace:
     n = sines.left.size + 1
     balanced = np.empty((3, size))
     internal = np.empty((2, n))
-    gram = np.empty((3, m))
+    weighted_stiffness = np.empty((3, m))
     side_forces = np.empty((2, 2))
     K = np.empty((size, size))
     factors = allocate_lu_factors(size)
-    return Workspace(balanced, np.empty(size), internal, gram, np.empty(m), side_forces, K, factors, np.empty(size))
+    return Workspace(
+        balanced, np.empty(size), internal, weighted_stiffness, np.empty(m), side_forces, K, factors, np.empty(size)
+    )
 
 
 @inner
@@ -120,7 +122,7 @@ def set_side_forces_and_strain_energies(
 
 @inner
 def set_residual_return_car(now: Instant, ride: Ride | None, sines: CableSines, workspace: Workspace) -> Car:
-    """Set r, internal, gram, tensions and side_forces of `Workspace`; return the car if it rolls."""
+    """Set r, internal, weighted_stiffness, tensions and side_forces of `Workspace`; return the car if it rolls."""
     n = now.at_mass.inertia.f.size
     R = workspace.r[: 2 * n].reshape(2, n)
     coefficients = rolling.coefficients_of_state(workspace.balanced, n)
@@ -184,7 +186,7 @@ def has_prescribed_position(ride: Ride | None) -> bool:
 def set_tangent(now: Instant, ride: Ride | None, sines: CableSines, workspace: Workspace, car: Car, c: Weights) -> None:
     """Set K of `Workspace`; car : of `set_residual_return_car`."""
     n = now.at_mass.inertia.f.size
-    set_tangent_with_gripping_mass(now, sines, workspace.gram, c, workspace.K[: 2 * n, : 2 * n])
+    set_tangent_with_gripping_mass(now, sines, workspace.weighted_stiffness, c, workspace.K[: 2 * n, : 2 * n])
     if ride is not None:
         rolling.complete_tangent_with_car(now, ride, sines, workspace, car, c)
 

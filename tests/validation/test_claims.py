@@ -33,7 +33,9 @@ def claim_quantity(value, bar=0.0, paper=None, **entry):
     """Return one quantity as claims.toml would have it."""
     names = {"level": value, "reference": {"level": Told(bar)}, "runs": {}, "printed": paper}
     entry |= {} if paper is None else {"paper": "printed"}
-    (found,) = judged.quantity_rows({"name": "x", "value": "level", "of": ["level"], **entry}, MEANING, names)
+    (found,) = judged.converged_and_paper_value_rows(
+        {"name": "x", "value": "level", "of": ["level"], **entry}, MEANING, names
+    )
     return found
 
 
@@ -91,10 +93,10 @@ def test_a_range_in_words():
 def test_keys_are_a_quantity_each_and_other_choices_are_the_bar():
     names = {"x": {"v": 0.2, "y + v": 0.4}, "runs": {"a": 3.0, "b": 3.5}, "reference": {}}
     entry = {"name": "{{ key }} at {{ x['v']|d(2) }}", "value": "x[key]", "keys": ["v", "y + v"], "at_most": 0.3}
-    found = list(judged.quantity_rows(entry, MEANING, names))
+    found = list(judged.converged_and_paper_value_rows(entry, MEANING, names))
     assert [q["name"] for q in found] == ["v at 0.20", "y + v at 0.20"]
     assert [claim_verdict([q]) for q in found] == [HOLDS, FAILS]
-    (q,) = judged.quantity_rows(
+    (q,) = judged.converged_and_paper_value_rows(
         {"name": "n", "value": "2 * r", "r": "a", "others": ["b", 2.9], "at_most": 1}, {}, names
     )
     assert (q["converged"], q["uncertainty"]) == (6.0, 1.0)

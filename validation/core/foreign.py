@@ -30,7 +30,7 @@ from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.ladder import Distance, Ladder, identity
 from validation.core.measures import WINDOW, NotComparable, Window
 from validation.core.rows import find_event
-from validation.core.scene_data import si_factor
+from validation.core.scene_data import conversion_factor_or_nan
 from validation.core.store import Refused
 
 WITH_TOL = 5e-3  # of the largest deflection, allowed beside our own bar
@@ -117,7 +117,7 @@ def _quantity_and_factor_by_column(l: float) -> dict[str, tuple[str, float]]:
     """Quantity and factor to SI, v and y down, of every name that a column may have on a cable of length l [m]."""
     names = {}
     for quantity, si in _COLUMNS.items():
-        factors = {f"_{unit.replace('/', '')}": si_factor(unit, si) for unit in _UNITS[si]} | {"": 1.0}
+        factors = {f"_{unit.replace('/', '')}": conversion_factor_or_nan(unit, si) for unit in _UNITS[si]} | {"": 1.0}
         if si == "m":
             factors["_over_l"] = l
         for ending, factor in factors.items():
@@ -145,8 +145,11 @@ def _read_known_columns(file: Path, scene: Scene) -> tuple[dict[str, Array], lis
     return columns, [f"line {n}" for n, _ in rows]
 
 
-def _read_header_and_rows(file: Path, names: Container[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Names of the columns, and rows of cells with their line numbers; a comment with one of `names` is a header."""
+def _read_header_and_rows(file: Path, known_columns: Container[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Names of the columns, and rows of cells with their line numbers; Refused if unreadable or empty.
+
+    A comment with a known column is a header.
+    """
     try:
         text = file.read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
@@ -156,7 +159,7 @@ def _read_header_and_rows(file: Path, names: Container[str]) -> tuple[list[str],
     for i, (_, line) in enumerate(lines):
         separator = max(",;\t", key=line.count)
         header = _split_cells(line.lstrip("# \t"), separator)
-        if line[0] != "#" or any(name in names for name in header):  # a comment may hold the names
+        if line[0] != "#" or any(name in known_columns for name in header):  # a comment may hold the names
             rows = [(n, row) for n, row in lines[i + 1 :] if row[0] != "#"]
             return header, [(n, _split_cells(row, separator)) for n, row in rows]
     raise Refused(f"{file.name}: the file is empty")

@@ -305,7 +305,7 @@ def prescribed_travel_defect(evidence: Evidence) -> Defect:
     travel = evidence.data.travel
     l = r.fields.s[-1]
     if travel["kind"] == "table":
-        return _defect_without_position(_largest_gap_to_table(evidence) / l)
+        return _defect_without_position(_largest_timetable_position_gap(evidence) / l)
     steps = evidence.steps_in_windows_off_supports
     s = r.s_o[steps]
     off = s - timetable.positions_at(travel, evidence.data.drive, l, r.t[steps])
@@ -313,7 +313,7 @@ def prescribed_travel_defect(evidence: Evidence) -> Defect:
     return Defect(s[worst, None] / l, off[worst, None, None] / l)
 
 
-def _largest_gap_to_table(evidence: Evidence) -> float:
+def _largest_timetable_position_gap(evidence: Evidence) -> float:
     """Largest gap [m] of s_o to a travel's table, at the ends of its pieces within the windows."""
     r = evidence.r
     travel = evidence.data.travel

@@ -41,7 +41,7 @@ def limit_rows(scene: Scene | Line, design: Sequence[Row], events: Sequence[Row]
     """
     if scene.limits is None:
         return []
-    values = _DemandedValues(scene, scene.limits, design, events)
+    values = _ComputedDemandValues(scene, scene.limits, design, events)
     out: list[Row] = []
     open_rows = set()  # of each text one row for what cannot be judged
     for rule in scene.limits.applicable_rules(values.span):
@@ -125,8 +125,8 @@ def _drive_modes(scene: Scene | Line) -> set[str]:
     return {car.mode for car in scene.car} if scene.moves else {"rest"}
 
 
-class _DemandedValues:
-    """Values of demands from the numbers of an answer."""
+class _ComputedDemandValues:
+    """Values that demands limit, from the numbers of an answer."""
 
     def __init__(self, scene: Scene | Line, limits: Limits, design: Sequence[Row], events: Sequence[Row]) -> None:
         self.scene = scene
@@ -197,11 +197,11 @@ class _DemandedValues:
         bar = event.get("bar_speed")
         return ValueWithBar(event["speed"], math.inf if bar is None else bar)
 
-    def largest_knee_before_last(self) -> ValueWithBar | None:
+    def largest_knee_except_last_support(self) -> ValueWithBar | None:
         inner = [x for x in self._numbers_of_kind("knee_max") if x.subject != self._last_knee_quantity]
         return max(inner, key=lambda x: x.value, default=None)
 
-    def last_knee(self) -> ValueWithBar | None:
+    def knee_at_last_support(self) -> ValueWithBar | None:
         return next((x for x in self._numbers_of_kind("knee_max") if x.subject == self._last_knee_quantity), None)
 
     @property
@@ -234,14 +234,14 @@ class _DemandedValues:
 # demands and the kind of design number that answers them: its largest, its smallest, or a value computed from some
 LARGEST = {"acceleration": "acceleration_max", "deceleration": "deceleration_max", "speed": "speed_max"}
 SMALLEST = {"tension_over_wheel": "tension_over_wheel_min", "knee_empty": "knee_empty_min"}
-COMPUTED: dict[str, Callable[[_DemandedValues], ValueWithBar | None]] = {
-    "safety_factor": _DemandedValues.safety_factor,
-    "tension_over_contact": _DemandedValues.tension_over_contact,
-    "sag_growth": _DemandedValues.sag_growth,
-    "swing_along": _DemandedValues.swing_tangent,
-    "arrival_speed": _DemandedValues.speed_at_brake_or_arrival,
-    "knee_loaded": _DemandedValues.largest_knee_before_last,
-    "knee_last": _DemandedValues.last_knee,
+COMPUTED: dict[str, Callable[[_ComputedDemandValues], ValueWithBar | None]] = {
+    "safety_factor": _ComputedDemandValues.safety_factor,
+    "tension_over_contact": _ComputedDemandValues.tension_over_contact,
+    "sag_growth": _ComputedDemandValues.sag_growth,
+    "swing_along": _ComputedDemandValues.swing_tangent,
+    "arrival_speed": _ComputedDemandValues.speed_at_brake_or_arrival,
+    "knee_loaded": _ComputedDemandValues.largest_knee_except_last_support,
+    "knee_last": _ComputedDemandValues.knee_at_last_support,
 }
 
 

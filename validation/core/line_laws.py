@@ -25,7 +25,13 @@ import numpy as np
 from cablefem.response import Array
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.readback import limit_faults, limit_table_faults, plain_text
-from validation.core.scene_data import GROUND, ROUNDING, LineData, obstacle_and_ground_profiles, si_factor
+from validation.core.scene_data import (
+    GROUND,
+    ROUNDING,
+    LineData,
+    conversion_factor_or_nan,
+    obstacle_and_ground_profiles,
+)
 
 DOWN = np.array([0.0, 1.0])
 LOWEST = -1e-6  # [m] least clearance of what touches
@@ -713,7 +719,7 @@ class _PrintedLine:
             gaps.note_gap("page", where, math.inf)
             return
         value, decimals, unit, at = parts.groups()
-        factor = si_factor(unit, number["unit"])
+        factor = conversion_factor_or_nan(unit, number["unit"])
         last_digit = factor * 10.0 ** -len(decimals)
         gaps.note_difference("page", where, float(value) * factor, number["value"], 0.51 * last_digit)
         cars = ", ".join(f"{name} {x:.0f}" for name, x in number["at"].items())

@@ -57,18 +57,20 @@ class RopeContact:
         self.kink = pull_behind - pull_ahead
         self.turn = ahead - behind
         self.along = np.zeros(self.ds.size)  # f along the rope inside the pair
-        self.on_shoe = np.zeros(self.ds.size)  # of the load, normal to tau
+        self.load_taken_by_shoe = np.zeros(self.ds.size)  # of the load, normal to tau
 
-    def set_load_on_shoe(self, shoe_force: Array, velocity: ComplexVector) -> None:
-        """Set what a shoe takes of the load normal to tau, from its force normal to the path."""
-        speed = np.abs(velocity)
-        along_path = np.abs(dot(velocity, self.tau))
-        self.on_shoe = shoe_force * np.divide(along_path, speed, out=np.ones_like(speed), where=speed > 0.0)
+    def set_load_taken_by_shoe(self, force_normal_to_path: Array, contact_velocity: ComplexVector) -> None:
+        """Set what a shoe takes of the load normal to tau [N], from its force normal to the path [N]."""
+        speed = np.abs(contact_velocity)
+        along_path = np.abs(dot(contact_velocity, self.tau))
+        self.load_taken_by_shoe = force_normal_to_path * np.divide(
+            along_path, speed, out=np.ones_like(speed), where=speed > 0.0
+        )
 
     @property
     def force_on_rope(self) -> ComplexVector:
         """By the load, without what a shoe takes, and the forces along the rope [N]."""
-        return self.tau * (1j * (self.load - self.on_shoe) - self.along * self.projection)
+        return self.tau * (1j * (self.load - self.load_taken_by_shoe) - self.along * self.projection)
 
     def force_from_rope_kink(self, rho: float) -> ComplexVector:
         """`force_on_rope` by the rope's tensions, slopes and mass per length rho [N]."""
@@ -93,7 +95,7 @@ class CarBody:
         velocity = to_complex(sampled(car.velocity))
         self.arms = [0.0 * point]  # contact less c
         self.touching = [RopeContact(car, car.contact_force, sampled)]
-        self.touching[0].set_load_on_shoe(sampled(car.shoe_force), velocity)
+        self.touching[0].set_load_taken_by_shoe(sampled(car.shoe_force), velocity)
         self.e = self.touching[0].tau
         mass = data["mass"]
         contact_mass = 0.0  # mass at the contact
@@ -185,7 +187,7 @@ class CarBody:
         s = sampled(car.s) + 1e-9 * shift
         for x, wheel in zip(self.touching[::-1], ("front", "rear"), strict=False):
             brake = self._braking_force(wheel, s)
-            off_shoe = x.on_shoe == 0.0  # a shoe has no friction
+            off_shoe = x.load_taken_by_shoe == 0.0  # a shoe has no friction
             rolling = drive.get("rolling_friction", 0.0) * np.abs(x.load) * off_shoe
             self.resistance = self.resistance + rolling + brake
             x.along = -direction * (rolling + brake)

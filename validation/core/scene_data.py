@@ -27,15 +27,15 @@ def read_csv_columns(file: Path) -> dict[str, Array]:
     return dict(zip(names, columns, strict=True))
 
 
-def si_factor(printed_unit: str, unit: str) -> float:
-    """What a number in a printed unit, or in none, is multiplied by to be in `unit`; nan if they do not fit."""
-    if (printed_unit, unit) in FACTORS:
-        return FACTORS[printed_unit, unit]
-    if printed_unit in ("", unit):
+def conversion_factor_or_nan(printed_unit: str, to_unit: str) -> float:
+    """What a number in a printed unit, or in none, is multiplied by to be in `to_unit`; nan if they do not fit."""
+    if (printed_unit, to_unit) in FACTORS:
+        return FACTORS[printed_unit, to_unit]
+    if printed_unit in ("", to_unit):
         return 1.0
-    if unit == "" or not printed_unit.endswith(unit):
+    if to_unit == "" or not printed_unit.endswith(to_unit):
         return math.nan
-    return PREFIXES.get(printed_unit.removesuffix(unit), math.nan)
+    return PREFIXES.get(printed_unit.removesuffix(to_unit), math.nan)
 
 
 def ice_mass_per_length(cable: dict[str, Any]) -> float:
@@ -196,10 +196,10 @@ class SceneData:
         if not (own or self.wind):
             return 0.0
         ratio, rate = (0.0, own["rate"]) if isinstance(own, dict) else (own, 0.0)
-        own_rate = rate + 2.0 * ratio * self._lowest_angular_frequency(length, H)
+        own_rate = rate + 2.0 * ratio * self._lowest_sagged_cable_angular_frequency(length, H)
         return own_rate + self.crosswind_damping() / self.rho
 
-    def _lowest_angular_frequency(self, length: float, H: float) -> float:
+    def _lowest_sagged_cable_angular_frequency(self, length: float, H: float) -> float:
         """Of the empty cable [rad/s]; in units of sqrt(tau/rho)/l antisymmetric 2 pi, symmetric
 
         1 + sum over odd n of 8 L^2/(n^2 pi^2 (n^2 pi^2 - w^2)) = 0.

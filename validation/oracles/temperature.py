@@ -56,15 +56,17 @@ def left_end_force_of_catenary(span: float, drop: float, S: float, weight: float
     return math.exp(log_H), P_over_weight * weight
 
 
-def stretched_length(H: float, P: float, S: float, weight: float, EA: float) -> float:
-    """S + int N/EA dS."""
-    q = weight / S
+def stretched_length_from_end_force(
+    H: float, P_left: float, unstretched: float, total_weight: float, EA: float
+) -> float:
+    """unstretched + int N/EA dS [m]; (H, P_left) : force [N] at the left end, total_weight [N]."""
+    q = total_weight / unstretched
 
     def integral_of_N(P: float) -> float:
         return 0.5 * (P * math.hypot(H, P) + H * H * math.asinh(P / H))
 
-    stretch = (integral_of_N(P) - integral_of_N(P - weight)) / (q * EA)
-    return S + stretch
+    stretch = (integral_of_N(P_left) - integral_of_N(P_left - total_weight)) / (q * EA)
+    return unstretched + stretch
 
 
 def unstretched_length(rest: Catenary, EA: float) -> float:
@@ -103,7 +105,7 @@ def held_car_in_cold(EA: float) -> HeldCarInCold:
     rest = reference.catenary
     S, weight = heated_length_and_total_weight(scene, rest.length, unstretched_length(rest, EA))
     H, P = left_end_force_of_catenary(span, drop, S, weight, EA)
-    l = stretched_length(H, P, S, weight, EA)
+    l = stretched_length_from_end_force(H, P, S, weight, EA)
     # EA of the solvers refers to the hanging cable: EA less tension
     mean = Catenary(span, drop, weight / l, scene.horizontal_tension).mean_tension
     S = l * (1.0 - mean / EA)
@@ -112,7 +114,7 @@ def held_car_in_cold(EA: float) -> HeldCarInCold:
     H, P = left_end_force_of_catenary(span, drop, S, weight, EA)
 
     def start_gap(x: float) -> float:
-        return stretched_length(H, P, x, q * x, EA) - START
+        return stretched_length_from_end_force(H, P, x, q * x, EA) - START
 
     at = brentq(start_gap, 0.5 * START, START, xtol=1e-12)  # unstretched
 

@@ -197,11 +197,11 @@ def _faults_of_undotted_keys(settings: Mapping[str, Any], scene_type: type[Any])
     """Faults of names that no method has as a setting, but the scene as a key with its dot."""
     if not settings:
         return []
-    from cablefem.scene.keys import similar_keys_text
+    from cablefem.scene.keys import keys_containing_name_text
     from validation.core.methods import METHODS
 
     setting_names = {name for method in METHODS.values() for name in method.all_settings}
-    hints = {name: similar_keys_text(name, scene_type) for name in settings if name not in setting_names}
+    hints = {name: keys_containing_name_text(name, scene_type) for name in settings if name not in setting_names}
     return [f"--set {name}: keys of the scene have a dot; {text}" for name, text in hints.items() if text]
 
 

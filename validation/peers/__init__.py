@@ -23,7 +23,7 @@ _trusses = tuple({"elements": n} for n in (50, 100, 200, 500, 1000, 2000))
 _beams = tuple({"elements": n, "steps": 20 * n} for n in (25, 50, 100, 200))
 _rides = tuple({"elements": n, "steps": 100 * n} for n in (10, 20, 40, 80))
 PEERS = {
-    "opensees": Peer("openseespy.opensees", opensees.run_opensees, _trusses),
+    "opensees": Peer("openseespy.opensees", opensees.run_opensees_step_per_element, _trusses),
     "exudyn": Peer("exudyn", exudyn.run_exudyn, _beams, _rides),
 }
 

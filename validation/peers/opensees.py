@@ -23,7 +23,7 @@ NEWMARK_GAMMA = 1.5 - HHT
 NEWMARK_BETA = 0.25 * (2.0 - HHT) ** 2
 
 
-def run_opensees(groups: Groups, *, elements: int) -> PeerPath:
+def run_opensees_step_per_element(groups: Groups, *, elements: int) -> PeerPath:
     """`elements` are those passed by the mass, one step each."""
     motion = groups.motion
     assert motion is not None

@@ -283,12 +283,12 @@ def refuse_unlike_second_line(points: Sequence[GridPoint], second: Line | None) 
     """Refuse a second line that is another one."""
     if second is None:
         return
-    kinds = _contact_kinds_and_car_shoes(second)
-    if any(_contact_kinds_and_car_shoes(point.scene) != kinds for point in points):
+    kinds = _contacts_then_shoes_by_position(second)
+    if any(_contacts_then_shoes_by_position(point.scene) != kinds for point in points):
         raise store.Refused("--second: must be a line with the same contacts, cars and positions")
 
 
-def _contact_kinds_and_car_shoes(line: Line) -> list[tuple[str, ...]]:
+def _contacts_then_shoes_by_position(line: Line) -> list[tuple[str, ...]]:
     """Names and kinds of contacts, then of each car its name and the shoe that it is on at every position."""
     out = [tuple(f"{c.name} {c.kind}" for c in line.contact)]
     for car in line.car:

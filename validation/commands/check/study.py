@@ -180,7 +180,7 @@ def check(
 
         rows += third.rows_against_third_parties(scene, a)
     verified = verification.verification_rows(own_a, own_b)
-    return Check(scene, a, b, tol, _compared_window(scene, a, b), rows, static, verified)
+    return Check(scene, a, b, tol, _common_valid_position_range(scene, a, b), rows, static, verified)
 
 
 def mark_deciding_rows(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
@@ -289,7 +289,7 @@ def _finer_settings_of_sides(
     return finer
 
 
-def _compared_window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
+def _common_valid_position_range(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
     """The range of s_o/l over which both runs are valid; empty where there is none."""
     try:
         return View.of_scene(scene).cut_to_valid_range(a.finest, b.finest).window

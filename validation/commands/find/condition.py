@@ -10,7 +10,7 @@ from cablefem.scene.errors import did_you_mean
 from validation.core.answers import Outcome
 from validation.core.limits import MET, first_brake_or_arrival, worst_judged_row, worst_limit_columns
 from validation.core.quantities import limit_row_texts
-from validation.core.scene_data import si_factor
+from validation.core.scene_data import conversion_factor_or_nan
 from validation.core.store import Refused
 from validation.page.answer import EVENTS
 
@@ -115,7 +115,7 @@ class Clause:
 
     def limit_in(self, si_unit: str) -> float:
         """The limit in an SI unit; Refused for one that does not fit."""
-        factor = si_factor(self.unit, si_unit)
+        factor = conversion_factor_or_nan(self.unit, si_unit)
         if math.isnan(factor):
             raise Refused(f"--so-that {self.text}: unit {self.unit!r}; {self.name} is in {si_unit or 'no unit'}")
         return float(self.right) * factor

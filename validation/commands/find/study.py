@@ -409,8 +409,8 @@ def _line_answer(numbers: LineAnswers) -> Answer:
     return Answer.from_rows(numbers.outcome, rows, (), numbers.limits)
 
 
-def checked_answer_and_verdict(scene: Any, tol: float) -> tuple[Answer, str]:
-    """The answer of both solvers, and their verdict; tol : of the path of one span."""
+def checked_answer_and_verdict(scene: Any, path_tol_of_span: float) -> tuple[Answer, str]:
+    """The answer of both solvers, and their verdict; path_tol_of_span : a line of several has its own."""
     from validation import check
     from validation.core.answers import outcome_of_run
 
@@ -418,7 +418,7 @@ def checked_answer_and_verdict(scene: Any, tol: float) -> tuple[Answer, str]:
         check_line: Any = check
         of_line = check_line(scene)
         return _line_answer(of_line), of_line.verdict.value
-    both = check(scene, tol=tol)
+    both = check(scene, tol=path_tol_of_span)
     r = replace(both.a.finest, design=both.design)
     return Answer.from_rows(outcome_of_run(scene, r), both.design, r.events, both.limits), both.verdict.value
 

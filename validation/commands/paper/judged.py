@@ -30,7 +30,7 @@ def judged_claims(variables: Row) -> list[Row]:
         readings = claim.get("readings", False)
         quantities: list[Row] = []
         for entry in claim.get("quantity", ()):
-            quantities += quantity_rows(entry, content["meaning"], variables)
+            quantities += converged_and_paper_value_rows(entry, content["meaning"], variables)
         verdict = claim_verdict(quantities, readings)
         why = render_sentence(claim["why"], variables | {"q": quantities})
         out.append({
@@ -60,7 +60,7 @@ def _sign_inside_range(quantity: Row, value: float | None, bar: float | None = 0
     return -1 if value + bar < low or value - bar > high else 0
 
 
-def quantity_rows(entry: Row, meaning: Row, variables: Row) -> Iterator[Row]:
+def converged_and_paper_value_rows(entry: Row, meaning: Row, variables: Row) -> Iterator[Row]:
     """Yield the number of an entry, one for each of its `keys`: value, bar, and the range in which it is true."""
     for key in entry.get("keys", (None,)):
         here = variables | {"key": key}

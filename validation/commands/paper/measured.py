@@ -59,17 +59,17 @@ def nearest_turning_point(r: Response, reading: Literal["v", "y + v"], near: flo
     return min(turns, key=lambda s: abs(s - near), default=math.nan)
 
 
-def lowest_point_position(r: Response, reading: Literal["v", "y + v"], end: float = LATEST) -> float:
+def lowest_point_position(r: Response, reading: Literal["v", "y + v"], end_over_length: float = LATEST) -> float:
     """s_o/l of the lowest point of the path."""
     curve = _path_spline(r, reading)
-    candidates = _candidate_extremes(curve, 0.0, min(end, r.reached))
+    candidates = _candidate_extremes(curve, 0.0, min(end_over_length, r.reached))
     return float(candidates[np.argmax(curve(candidates))])
 
 
-def max_depth(r: Response, reading: Literal["v", "y + v"], end: float = LATEST) -> float:
-    """Largest value of the path [m], up to `end`."""
+def max_depth(r: Response, reading: Literal["v", "y + v"], end_over_length: float = LATEST) -> float:
+    """Largest value of the path [m], up to a position s_o/l."""
     path = r.v if reading == "v" else r.y
-    return float(path[r.s_o <= end * r.length].max())
+    return float(path[r.s_o <= end_over_length * r.length].max())
 
 
 def relative_path_distance(a: Response, b: Response) -> float:

@@ -20,7 +20,7 @@ from validation.core.readback.texts import (
     shows_value,
     with_plain_signs,
 )
-from validation.core.scene_data import ROUNDING, si_factor
+from validation.core.scene_data import ROUNDING, conversion_factor_or_nan
 
 _CLAUSE = re.compile(r"(.+?)\s*(<=|>=|<|>|=)\s*(\S+)\s*(\S*)")
 _ANSWER = re.compile(rf"(at most|at least) (about )?({NUMBER}(?: ± {NUMBER})?)(?: (\S+))?; (above|below): ")
@@ -150,7 +150,7 @@ def _margin_of_clause_or_limits(clause: re.Match[str] | None, read: Any) -> floa
         return 0.0 if read == clause[3] else math.nan
     if read is None:
         return math.nan
-    bound = float(clause[3]) * si_factor(clause[4], _unit_of_quantity(clause[1]))
+    bound = float(clause[3]) * conversion_factor_or_nan(clause[4], _unit_of_quantity(clause[1]))
     margin = float(read) - bound
     return margin if clause[2][0] == ">" else -margin
 

@@ -71,7 +71,7 @@ def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events:
     """Faults of verdicts on limits, from a scene's TOML, the shipped texts and the printed numbers."""
     shipped = read_package_toml("cablefem.scene", "limits.toml")
     words = shipped["demand"]
-    demanded = _DemandedNumbers(scene, design, events)
+    demanded = _StoredDemandValues(scene, design, events)
     for row in rows:
         demand = next(key for key in words if re.fullmatch(words[key][0].format(".*"), row["demand"]))
         if [row["side"], row["unit"]] != words[demand][1:3]:
@@ -130,8 +130,8 @@ def _expected_limit_verdict(row: Row, value: float) -> str:
     return "met" if margin >= 0.0 else "not met"
 
 
-class _DemandedNumbers:
-    """Values of demands, from a scene's TOML, its design numbers and events."""
+class _StoredDemandValues:
+    """Values that demands limit, from a scene's TOML, its stored design numbers and events."""
 
     def __init__(self, scene: Row, design: Sequence[Row], events: Sequence[Row]) -> None:
         self.scene = scene
@@ -151,19 +151,19 @@ class _DemandedNumbers:
         if demand == "arrival_speed":
             return next((x["speed"] for x in self.events if x["event"] in ("brake", "arrival")), None)
         if demand == "swing_along":
-            swings = [*self._values("swing_max"), *self._values("swing_min")]
+            swings = [*self._values_of_kind("swing_max"), *self._values_of_kind("swing_min")]
             largest = np.radians(np.max(np.abs(swings), initial=0.0))
             return float(np.tan(largest)) if swings else None
         if demand in NUMBERS:
             return self._extreme(demand)
         return self._ratio(demand) if demand in RATIOS else None
 
-    def _values(self, kind: str) -> Collection[float]:
+    def _values_of_kind(self, kind: str) -> Collection[float]:
         return self.by_kind.get(kind, {}).values()
 
     def _extreme(self, demand: str) -> float | None:
         """The number of a demand; of knees under load, of the last contact before the end or of the others."""
-        values = self._values(NUMBERS[demand])
+        values = self._values_of_kind(NUMBERS[demand])
         if demand in ("knee_loaded", "knee_last"):
             last = self.scene["contact"][-2]["name"] if "contact" in self.scene else ""
             of_last = demand == "knee_last"
@@ -174,7 +174,7 @@ class _DemandedNumbers:
 
     def _ratio(self, demand: str) -> float | None:
         """The ratio of two numbers that a demand names; None without both."""
-        numerators, denominators = map(self._values, RATIOS[demand])
+        numerators, denominators = map(self._values_of_kind, RATIOS[demand])
         if not numerators or not denominators:
             return None
         ratio = min(numerators) / max(denominators)

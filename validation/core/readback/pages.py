@@ -8,7 +8,7 @@ import re
 from validation.core.readback.limits import limit_table_faults
 from validation.core.readback.side_view import side_view_faults
 from validation.core.readback.stored import Faults, StoredResults
-from validation.core.readback.tables import table_faults, verdict_count_faults
+from validation.core.readback.tables import table_faults_or_note_unread, verdict_count_faults
 from validation.core.readback.terminal import crosswind_faults
 from validation.core.readback.texts import contents_of_tags, plain_text
 
@@ -44,7 +44,7 @@ def page_faults(html_text: str, command: str, stored: StoredResults) -> Faults:
     text = "".join(sections.values())
     yield from limit_table_faults(text, stored.limits)
     for table in contents_of_tags("table", text):
-        yield from table_faults(table, stored)
+        yield from table_faults_or_note_unread(table, stored)
     for data in contents_of_tags('script type="application/json"', text):
         for fault in side_view_faults(json.loads(data), stored):
             yield f"side view: {fault}"

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from validation.core.readback.files import car_points_at_frames, larger_extent_at_rest, path_csv_columns, series_faults
 from validation.core.readback.stored import Faults, Row, Run, StoredResults
 from validation.core.readback.texts import contents_of_tags
-from validation.core.scene_data import ROUNDING, Array, read_csv_columns, si_factor
+from validation.core.scene_data import ROUNDING, Array, conversion_factor_or_nan, read_csv_columns
 
 PACKED = 65535  # steps between the extremes of a packed series
 
@@ -98,8 +98,8 @@ def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], stored: Sto
         name, unit = _name_and_unit(beside["name"])
         values, si = beside_car[name]
         series[name] = beside["data"]
-        expected[name] = values / si_factor(unit, si)
-    if si_factor(view["unitName"], "N") != view["unit"]:
+        expected[name] = values / conversion_factor_or_nan(unit, si)
+    if conversion_factor_or_nan(view["unitName"], "N") != view["unit"]:
         yield f"forces are in {view['unitName']} but divided by {view['unit']}"
     of_points = 1e-4 * larger_extent_at_rest(run)
     for name, values in expected.items():
@@ -226,5 +226,5 @@ def _drawn_car_faults(drawn: dict[str, Any], car: Any, steps: NDArray[np.intp], 
     for beside in drawn["readout"]:
         name, unit = _name_and_unit(beside["name"])
         column, si = columns[name]
-        values = path[column][steps] / si_factor(unit, si)
+        values = path[column][steps] / conversion_factor_or_nan(unit, si)
         yield from _packed_series_faults(name, beside["data"], values)

@@ -221,7 +221,7 @@ FACTS: dict[str, Callable[[str, Run], bool]] = {  # that follow from the scene
 }
 
 
-def _derived_fact_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
+def _fact_faults_or_note_unread(cells: Sequence[str], stored: StoredResults) -> Faults:
     name, text = cells
     if name not in FACTS:
         stored.unread.append(name)
@@ -308,12 +308,12 @@ TABLES: dict[str, Callable[[Sequence[str], StoredResults], Faults]] = {
     "setting|value|meaning": _setting_faults,
     "shared|checked on its own by": no_faults_in_words,
     "question|answer": no_faults_in_words,
-    "follows from it|value": _derived_fact_faults,
+    "follows from it|value": _fact_faults_or_note_unread,
     "key|value|meaning": _input_faults,
 }
 
 
-def table_faults(html_table: str, stored: StoredResults) -> Faults:
+def table_faults_or_note_unread(html_table: str, stored: StoredResults) -> Faults:
     """Faults of the rows of a table of a page; one without a reader is noted as unread."""
     rows = rows_of_table(html_table)
     if not rows:  # the side view's, before its script runs

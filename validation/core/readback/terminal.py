@@ -36,7 +36,7 @@ def terminal_faults(printed: Sequence[str], stored: StoredResults) -> Faults:
     for text in printed:
         if text.strip() and text.strip() not in sentences:
             readers = [read for pattern, read in LINE_CHECKS if re.match(pattern, text)]
-            reader = readers[0] if readers else _printed_design_number_faults
+            reader = readers[0] if readers else _design_faults_or_note_unread
             yield from reader(text.strip(), stored)
 
 
@@ -53,8 +53,8 @@ def _stored_sentences(stored: StoredResults) -> set[str]:
     return sentences
 
 
-def _printed_design_number_faults(text: str, stored: StoredResults) -> Faults:
-    """A design number; of two names that begin alike the longer one."""
+def _design_faults_or_note_unread(text: str, stored: StoredResults) -> Faults:
+    """Faults of a printed design number, of two names that begin alike the longer one; else it is noted as unread."""
     rows = [row for row in stored.design if text.startswith(f"{quantity_words(row)} ")]
     if not rows:
         stored.unread.append(text)
@@ -68,7 +68,7 @@ def _printed_design_number_faults(text: str, stored: StoredResults) -> Faults:
     yield from design_number_faults([quantity_words(row), value, when, car, at], stored)
 
 
-def _printed_event_faults(text: str, stored: StoredResults) -> Faults:
+def _event_faults_or_note_unread(text: str, stored: StoredResults) -> Faults:
     """Faults of a printed event; one that no row has is noted as unread."""
     parts = re.fullmatch(r"(.*?) +after (.*) s at (.*) m(?: with (.*) km/h)?", text)
     if parts is None or parts[1].replace(" ", "_") not in [row["event"] for row in stored.events]:
@@ -165,5 +165,5 @@ LINE_CHECKS: tuple[tuple[str, Callable[[str, StoredResults], Faults]], ...] = (
     (r"  \d+ (of \d+ )?(comparisons|laws|printed)", verdict_count_faults),
     (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _printed_third_party_faults),
     (r"\S.*(  +(-|\d\S*)){4}  (agree|disagree|too coarse|not comparable|shown)$", _printed_comparison_faults),
-    (r"  \S.* after \S+( ± \S+)? s at .* m", _printed_event_faults),
+    (r"  \S.* after \S+( ± \S+)? s at .* m", _event_faults_or_note_unread),
 )

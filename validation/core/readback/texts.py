@@ -9,7 +9,7 @@ import re
 import numpy as np
 
 from validation.core.readback.stored import Row, read_package_toml
-from validation.core.scene_data import ROUNDING, si_factor
+from validation.core.scene_data import ROUNDING, conversion_factor_or_nan
 
 NUMBER = r"-?\d[\d ]*(?:\.\d+)?(?: × 10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?(?:e[+-]?\d+)?"
 _VALUE = re.compile(rf"({NUMBER})(?: ± ({NUMBER}))?(?: ?([a-zA-Z%°][\w/%°]*))?")
@@ -63,7 +63,8 @@ def _parse_numbers_and_unit_factor(text: str, unit: str) -> tuple[list[float], f
     match = _VALUE.fullmatch(text)
     if match is None:
         return [], math.nan
-    return [parse_number(number) for number in match.group(1, 2) if number], si_factor(match[3] or "", unit)
+    numbers = [parse_number(number) for number in match.group(1, 2) if number]
+    return numbers, conversion_factor_or_nan(match[3] or "", unit)
 
 
 def _is_bar_printed(bar: float | None, value: float) -> bool:
