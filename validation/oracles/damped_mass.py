@@ -81,12 +81,11 @@ def cases() -> Iterator[Crossing]:
     end = 1.5
     groups = level_string_groups(travel_from_inside_string(s0, V, 0.0), mu, sigma)
 
-    def damped_crossing(name: str, c: float, c_exact: float, **kind: Any) -> Crossing:
+    def damped_crossing(name: str, c: float, c_exact: float, load: str = "mass", **kind: Any) -> Crossing:
         """A crossing with damping c against the exact path with damping `c_exact`."""
-        is_mass = kind.get("load") != "force"
-        exact = extrapolated_load_displacement(1.75, mu=mu * is_mass, P=mu * sigma, V=V, s0=s0, c=c_exact)
+        exact = extrapolated_load_displacement(1.75, mu=mu * (load == "mass"), P=mu * sigma, V=V, s0=s0, c=c_exact)
         damped = replace(groups, damping=c)
-        return Crossing(name=name, groups=damped, exact=exact, start_position=s0, until=s0 + V * end, **kind)
+        return Crossing(name=name, groups=damped, exact=exact, load=load, start_position=s0, until=s0 + V * end, **kind)
 
     yield damped_crossing("mass, damping 1", 1.0, 1.0)
     yield damped_crossing("mass, damping 4", 4.0, 4.0)
