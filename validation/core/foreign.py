@@ -160,8 +160,7 @@ def _read_header_and_rows(file: Path, known_columns: Container[str]) -> tuple[li
         separator = max(",;\t", key=line.count)
         header = _split_cells(line.lstrip("# \t"), separator)
         if line[0] != "#" or any(name in known_columns for name in header):  # a comment may hold the names
-            rows = [(n, row) for n, row in lines[i + 1 :] if row[0] != "#"]
-            return header, [(n, _split_cells(row, separator)) for n, row in rows]
+            return header, [(n, _split_cells(row, separator)) for n, row in lines[i + 1 :] if row[0] != "#"]
     raise Refused(f"{file.name}: the file is empty")
 
 
@@ -398,11 +397,11 @@ _COMPONENTS = {"speed": "speed, of the largest", "tension": "tension at the mass
 def _distance_functions(path: ForeignPath | Response, run: Response, part: Window) -> dict[str, Distance]:
     """Distances of two answers in all quantities that a path says, in part of the window; its path comes first."""
     stop = find_event("stop", run.events)
+    stop_time = math.inf if stop is None else stop["t"]
 
     def relative_speed(r: Any) -> Array:
         """Unknown after a stop."""
-        rolling = True if stop is None else r.t <= stop["t"]
-        return np.where(rolling, r.speed, math.nan) / float(run.speed.max())
+        return np.where(r.t <= stop_time, r.speed, math.nan) / run.speed.max()
 
     def path_max(a: Any, b: Any) -> float:
         return measures.relative_path_gap(a, b, part).largest

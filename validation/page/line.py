@@ -201,8 +201,7 @@ def _side_view_figure(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup
         if car.x.size == 1:
             p.dots.append((float(car.x[0]), float(car.depth[0]), color, True))
     end, _ = line["contact"][-1]["at"]
-    margin = 0.06 * end
-    return plot.svg_figure([p], (-margin, 1.06 * end), "x [m]", caption, wide=True)
+    return plot.svg_figure([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
 
 
 class _CarAtPositions:

@@ -6,7 +6,7 @@ import csv
 import itertools
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,8 +33,9 @@ def find_faults(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
     section = section_html(html_text, "find", "find")
     rows = [*itertools.chain(*rows_of_each_table(section))][1:]  # below the names of the columns
     if "rows" in answer:
-        sentences = [f"{answer['for']} = {point.parameter}: {point.answer}" for point in _curve_points(answer)]
-        yield from _curve_faults(answer, folder / "find.csv", rows)
+        points = [CurvePoint(*row.values()) for row in answer["rows"]]
+        sentences = [f"{answer['for']} = {point.parameter}: {point.answer}" for point in points]
+        yield from _curve_faults(answer, points, folder / "find.csv", rows)
     else:
         sentences = [answer["sentence"]]
         yield from _search_faults(answer)
@@ -65,14 +66,8 @@ class CurvePoint(NamedTuple):
     answer: str
 
 
-def _curve_points(curve: Row) -> Iterator[CurvePoint]:
-    for row in curve["rows"]:
-        yield CurvePoint(*row.values())
-
-
-def _curve_faults(curve: Row, table: Path, shown: Sequence[Sequence[str]]) -> Faults:
+def _curve_faults(curve: Row, points: list[CurvePoint], table: Path, shown: Sequence[Sequence[str]]) -> Faults:
     """Faults of a curve in find.csv and in the rows of its page."""
-    points = list(_curve_points(curve))
     expected = [(curve["for"], curve["key"], "bar", "answer"), *points]
     with table.open(encoding="utf-8", newline="") as file:
         written = [*csv.reader(file)]

@@ -152,8 +152,7 @@ class _StoredDemandValues:
             return next((x["speed"] for x in self.events if x["event"] in ("brake", "arrival")), None)
         if demand == "swing_along":
             swings = [*self._values_of_kind("swing_max"), *self._values_of_kind("swing_min")]
-            largest = np.radians(np.max(np.abs(swings), initial=0.0))
-            return float(np.tan(largest)) if swings else None
+            return float(np.tan(np.radians(np.abs(swings).max()))) if swings else None
         if demand in NUMBERS:
             return self._extreme(demand)
         return self._ratio(demand) if demand in RATIOS else None
@@ -184,10 +183,11 @@ class _StoredDemandValues:
         """The smallest clearance over a row's obstacle or ground; None if its text needs a kind that nobody gave."""
         if row["source"] != "the scene" and _kind_of_obstacle_or_ground(row, self.scene) is None:
             return None
+        name = row["demand"].removeprefix(OVER)
         over = []
         for kind, numbers in self.by_kind.items():
             if kind.startswith("clearance"):
-                over += [x for key, x in numbers.items() if key.split(" over ")[-1] == row["demand"].removeprefix(OVER)]
+                over += [x for key, x in numbers.items() if key.split(" over ")[-1] == name]
         return min(over, default=None)
 
 

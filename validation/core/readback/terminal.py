@@ -35,8 +35,8 @@ def terminal_faults(printed: Sequence[str], stored: StoredResults) -> Faults:
     sentences = _stored_sentences(stored)
     for text in printed:
         if text.strip() and text.strip() not in sentences:
-            readers = [read for pattern, read in LINE_CHECKS if re.match(pattern, text)]
-            reader = readers[0] if readers else _design_faults_or_note_unread
+            readers = (read for pattern, read in LINE_CHECKS if re.match(pattern, text))
+            reader = next(readers, _design_faults_or_note_unread)
             yield from reader(text.strip(), stored)
 
 

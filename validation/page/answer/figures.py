@@ -116,11 +116,9 @@ def plot_path_distance_with_bars(answer: StoredAnswer) -> Markup:
 
 def _sum_of_path_bars(answer: StoredAnswer) -> float | None:
     """Sum of both solvers' error bars of the path [m]."""
-    scale = answer.runs[0].path_scale
     for row in answer.comparison_rows:
-        of_other_program = bool(row.get("with"))
-        if row["quantity"] == "path_max" and not of_other_program:
-            return None if row["allowed"] is None else row["allowed"] * scale
+        if row["quantity"] == "path_max" and not row.get("with"):  # another program
+            return None if row["allowed"] is None else row["allowed"] * answer.runs[0].path_scale
     return None
 
 

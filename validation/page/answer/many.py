@@ -56,7 +56,7 @@ AnswerPoint = Callable[[GridPoint], tuple[Row, Any]]  # row of the table, and pa
 
 
 class StoredGrid(NamedTuple):
-    """grid.json"""
+    """What grid.json holds."""
 
     keys: list[str]  # varied, in the order of the options
     rows: list[Row]  # one per point
