@@ -25,22 +25,20 @@ def sample_fields(r: Response, t: Any, s: Any) -> dict[str, Array]:
     _raise_if_outside("s", s, 0.0, r.length)
     f = r.fields
     out = {name: np.empty((t.size, s.size)) for name in ("x", "y", "u", "v", "T")}
-    T_behind, T_ahead = _tensions_at_mass(r)
+    u = np.interp(t, r.t, r.u)
+    v = np.interp(t, r.t, r.v)
+    T_behind, T_ahead = (np.interp(t, r.t, T) for T in _tensions_at_mass(r))
+    at_mass = {"u": (u, u), "v": (v, v), "T": (T_behind, T_ahead)}  # behind and ahead of it
     beside = 1e-9 * r.length  # a station so near the mass is under it
-    for k, instant in enumerate(t.tolist()):
-
-        def at_instant(history: Array, instant: float = instant) -> float:
-            return float(np.interp(instant, r.t, history))
-
-        s_o = at_instant(r.s_o)
-        at_stations = _displacements_and_tension_at_time(r, instant, s_o)
-        behind_and_ahead = {"u": (r.u, r.u), "v": (r.v, r.v), "T": (T_behind, T_ahead)}
+    for k, s_o in enumerate(np.interp(t, r.t, r.s_o).tolist()):
+        at_stations = _displacements_and_tension_at_time(r, float(t[k]), s_o)
         # a station under the mass has no side; just beyond it T is that ahead
         i, j = np.searchsorted(f.s, [s_o - beside, s_o + beside]).tolist()
         positions = np.concatenate([f.s[:i], [s_o, np.nextafter(s_o, np.inf)], f.s[j:]])
         for name, values in at_stations.items():
-            at_mass = [at_instant(history) for history in behind_and_ahead[name]]
-            out[name][k] = np.interp(s, positions, np.concatenate([values[:i], at_mass, values[j:]]))
+            behind, ahead = at_mass[name]
+            values = np.concatenate([values[:i], [behind[k], ahead[k]], values[j:]])
+            out[name][k] = np.interp(s, positions, values)
     out["x"] = np.interp(s, f.s, f.x) + out["u"]
     out["y"] = np.interp(s, f.s, f.y) + out["v"]
     return out
@@ -86,13 +84,11 @@ def single_car_motion(r: Response) -> CarMotion:
     stretch = 0.5 * (np.linalg.norm(r.slope_behind, axis=1) + np.linalg.norm(r.slope_ahead, axis=1))
     tangent = r.slope_behind + r.slope_ahead
     speed = np.sum(r.velocity * tangent, axis=1) / np.linalg.norm(tangent, axis=1)
-    no_grip = np.full_like(r.t, np.nan)
-    no_shoe = np.zeros_like(r.t)
     return CarMotion(
         name="car", s=r.s_o, ds=speed / stretch, point=np.stack([r.x, r.y], axis=1), velocity=r.velocity,
         acceleration=r.acceleration, tension_behind=r.T_behind, tension_ahead=r.T_ahead, slope_behind=r.slope_behind,
-        slope_ahead=r.slope_ahead, haul_force=r.F_haul, grip_force=no_grip,
-        contact_force=r.F_contact, shoe_force=no_shoe,
+        slope_ahead=r.slope_ahead, haul_force=r.F_haul, grip_force=np.full_like(r.t, np.nan),
+        contact_force=r.F_contact, shoe_force=np.zeros_like(r.t),
     )  # fmt: skip
 
 
@@ -101,17 +97,15 @@ def support_motions(r: Response) -> tuple[ContactMotion, ContactMotion]:
     none = np.full_like(r.t, np.nan)
     f = r.fields
 
-    def anchor(name: str, k: int, reaction: Array, **tensions: Array) -> ContactMotion:
-        s = np.full_like(r.t, f.s[k])
-        point = np.broadcast_to([f.x[k], f.y[k]], (r.t.size, 2))
-        still = np.zeros_like(r.t)
-        beside = {"tension_behind": none, "tension_ahead": none} | tensions
+    def anchor(name: str, k: int, reaction: Array, tension_behind: Array, tension_ahead: Array) -> ContactMotion:
         return ContactMotion(
-            name=name, kind="anchor", s=s, ds=still, point=point, pressure=-reaction, rise=none, **beside
-        )
+            name=name, kind="anchor", s=np.full_like(r.t, f.s[k]), ds=np.zeros_like(r.t),
+            point=np.broadcast_to([f.x[k], f.y[k]], (r.t.size, 2)),
+            tension_behind=tension_behind, tension_ahead=tension_ahead, pressure=-reaction, rise=none,
+        )  # fmt: skip
 
-    left = anchor("left", 0, r.reaction_left, tension_ahead=np.linalg.norm(r.reaction_left, axis=1))
-    right = anchor("right", -1, r.reaction_right, tension_behind=np.linalg.norm(r.reaction_right, axis=1))
+    left = anchor("left", 0, r.reaction_left, none, np.linalg.norm(r.reaction_left, axis=1))
+    right = anchor("right", -1, r.reaction_right, np.linalg.norm(r.reaction_right, axis=1), none)
     return left, right
 
 
