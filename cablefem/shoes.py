@@ -38,6 +38,7 @@ class Passage(NamedTuple):
         shoe = self.saddle.shoe or 0.0
         offset = x - self.saddle.point[0]
         outwards = offset * velocity  # > 0: away from the saddle
+        approaches = outwards < 0.0
         match self.action:
             case "takes the rope behind":
                 return TIP * shoe - math.copysign(offset, outwards)
@@ -47,8 +48,8 @@ class Passage(NamedTuple):
                 to_go = abs(offset) - TIP * shoe
             case "leaves the shoe of":
                 to_go = shoe - abs(offset)
-                outwards = -outwards
-        return to_go if to_go > 0.0 or outwards < 0.0 else math.inf
+                approaches = outwards > 0.0
+        return to_go if to_go > 0.0 or approaches else math.inf
 
 
 class LineSnapshot(NamedTuple):
@@ -80,9 +81,9 @@ def possible_passages(line: MovingLine) -> tuple[Passage, ...]:
     """All that may come next."""
     by_name = {c.name: c for c in line.supports}
     out = [passage for k in range(len(line.contacts)) for passage in _passages_of_contact(line, k, by_name)]
-    out += [
-        Passage(car.name, "takes the rope behind", by_name[car.rail.saddle]) for car in line.cars_off_rope if car.rail
-    ]
+    for car in line.cars_off_rope:
+        if car.rail is not None:
+            out.append(Passage(car.name, "takes the rope behind", by_name[car.rail.saddle]))
     return tuple(out)
 
 
@@ -311,9 +312,9 @@ def downward_normals(rail: Rail, x: Array) -> Array:
     return np.stack([-slope, np.ones_like(slope)], axis=1) / np.hypot(1.0, slope)[:, None]
 
 
-def _tangents_of(downward_normals: Array) -> Array:
-    """Tangents (n, 2) to the right, from normals downwards."""
-    return downward_normals[:, ::-1] * np.array([1.0, -1.0])
+def _tangents_of(normals: Array) -> Array:
+    """Tangents (n, 2) to the right, from `downward_normals`."""
+    return normals[:, ::-1] * np.array([1.0, -1.0])
 
 
 def contacts_with_shoe_forces(
