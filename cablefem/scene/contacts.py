@@ -92,7 +92,7 @@ class Car:
         """Consecutive [t0, t1] in which its travel, or the forces that drive it, are smooth."""
         return self.drive.phases if self.travel is None else self.travel.phases
 
-    @property
+    @cached_property
     def travel_end(self) -> TravelEnd | None:
         """Where and how a prescribed travel ends."""
         if self.travel is None:
@@ -189,10 +189,10 @@ class MovingLine:
     def prescribed_position_with_rates(self, car: Car, t: float, phase: int) -> tuple[float, float, float]:
         """Prescribed position, velocity and acceleration of a car in a phase of the line."""
         assert car.travel is not None
+        assert car.travel_end is not None
         i = self._car_phase_numbers[car.name][phase]
         if i < len(car.travel.phases):
             return car.travel.position_with_rates(t, i)
-        assert car.travel_end is not None
         return car.travel_end.position, 0.0, 0.0
 
     def point_with_rates_off_rope(self, car: Car, t: float, phase: int, saddle_s_with_rates: Array) -> Array:
@@ -220,12 +220,9 @@ class MovingLine:
         later = range(phase, len(self.phases))
         earlier = range(phase - 1, -1, -1)
         for i in (*later, *earlier):
-            t0, t1 = self.phases[i]
-            moved = (
-                self.prescribed_position_with_rates(car, t1, i)[0] - self.prescribed_position_with_rates(car, t0, i)[0]
-            )
-            if moved:
-                return math.copysign(1.0, moved)
+            begin, end = (self.prescribed_position_with_rates(car, t, i)[0] for t in self.phases[i])
+            if begin != end:
+                return math.copysign(1.0, end - begin)
         return 1.0
 
     def thrust(self, car: Car, t: float, phase: int) -> float:

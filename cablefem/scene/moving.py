@@ -62,8 +62,9 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     rope = _rope_at_temperature(line, float(empty.s[-1]), thermal_stretch)
     t_end = max(map(_end_time, cars), default=0.0)
     moving_line = MovingLine(rope=rope, contacts=tuple(everything), t_end=t_end, gravity=line.gravity, solve=solve)
-    faults = [*_ends_in_motion_faults(moving_line), *_rear_wheel_start_faults(moving_line)]
-    _raise_if_any([*faults, *_timetable_meeting_or_shoe_faults(moving_line, saddles_by_car, empty)])
+    faults += [*_ends_in_motion_faults(moving_line), *_rear_wheel_start_faults(moving_line)]
+    faults += _timetable_meeting_or_shoe_faults(moving_line, saddles_by_car, empty)
+    _raise_if_any(faults)
     for car in cars:
         for saddle in saddles_by_car[car.name]:
             faults += _too_heavy_for_shoe_faults(moving_line, car, saddle)
