@@ -200,11 +200,12 @@ def depth_and_tension(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.n
     case = state.case
     piece = np.clip(np.searchsorted(state.points[:, 0], x, side="right") - 1, 0, len(state.s) - 2)
     x_start, y_start = state.points[piece].T
-    H, P = state.ahead[piece].T  # at the left ends (m,)
+    left_forces = state.ahead[piece]  # (m, 2)
+    H, P = left_forces.T
     run = np.diff(state.points[:, 0])[piece]
     S = np.diff(state.s)[piece] * (x - x_start) / run  # from the left ends to x, at first by proportion
     for _ in range(STEPS):  # three steps do
-        chord = piece_chord_vectors(np.stack([H, P], axis=1)[:, :, None], S[:, None], case)[..., 0]
+        chord = piece_chord_vectors(left_forces[:, :, None], S[:, None], case)[..., 0]
         N = np.hypot(H, P - case.weight * S)
         x_per_S = case.thermal_stretch * H * (1.0 / N + 1.0 / case.EA)
         off = (x - x_start - chord[:, 0]) / x_per_S

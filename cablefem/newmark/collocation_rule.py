@@ -68,11 +68,9 @@ class CollocationRule(Stepper):
         ends[0, 0] = x.q
         ends[0, 1] = x.v
         dt = t[1:] - t[:-1]
-        dt_before = np.empty_like(dt)
-        dt_before[0] = x.inside.dt if isinstance(x, Collocated) else dt[0]
-        dt_before[1:] = dt[:-1]
-        ratios = np.round(dt / dt_before, 9)  # rounded for the cache
-        extrapolation = [extrapolation_matrix(self.method.nodes, ratio) for ratio in ratios.tolist()]
+        dt_before = np.append(x.inside.dt if isinstance(x, Collocated) else dt[0], dt[:-1])
+        ratios = np.round(dt / dt_before, 9).tolist()  # rounded for the cache
+        extrapolation = [extrapolation_matrix(self.method.nodes, ratio) for ratio in ratios]
         return Steps(t, ends, a, np.array(extrapolation))
 
     def _end_state(self, phase: int, steps: Steps, k: int) -> State:

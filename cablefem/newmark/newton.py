@@ -48,7 +48,7 @@ def find_root(
     residual: Callable[[], Any], linearise: Callable[[], tuple[Any, Callable]], subtract: Callable[[Any], None],
     newton: Newton, earlier_solve: Any = None,
 ) -> StepResult:  # fmt: skip
-    """Take corrections, `subtract(x)` subtracts x, until |residual()| <= newton.bound; NaN never converges.
+    """Subtract corrections until |residual()| <= newton.bound; NaN never converges.
 
     earlier_solve : solution with the tangent of a step before, which is tried first.
     """

@@ -43,18 +43,19 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
     for j, x in enumerate(c):
         others = np.delete(c, j)
         basis.append(Polynomial.fromroots(others) / np.prod(x - others))
-    A = np.array([[p.integ()(x) for p in basis] for x in c])
+    A = np.stack([p.integ()(c) for p in basis], axis=1)
     b = np.array([p.integ()(1.0) for p in basis])
-    ends = np.stack([b @ A, b])
     eigenvalues, vectors = np.linalg.eig(A)
     one_of_pair = eigenvalues.imag >= 0.0
     to_modes = np.linalg.inv(vectors)[one_of_pair]
     count = np.where(eigenvalues.imag > 0.0, 2.0, 1.0)  # for a pair one vector, twice
     from_modes = np.ascontiguousarray((count * vectors)[:, one_of_pair].astype(complex))
-    middle = int(np.argmin(np.abs(c - 0.5)))
     l0, l1, l2 = (np.array([p.integ(k, lbnd=1.0).coef for p in basis]).T for k in range(3))
-    modes = (eigenvalues[one_of_pair].astype(complex), to_modes.astype(complex), from_modes)
-    return Tableau(c, A, A @ A, ends, *modes, middle, (l0, l1, l2))
+    return Tableau(
+        c=c, A=A, AA=A @ A, ends=np.stack([b @ A, b]), eigenvalues=eigenvalues[one_of_pair].astype(complex),
+        to_modes=to_modes.astype(complex), from_modes=from_modes, middle=int(np.argmin(np.abs(c - 0.5))),
+        powers=(l0, l1, l2),
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=256)

@@ -179,7 +179,11 @@ class Driving(Part):
         brakes = sorted((brake.position / length, brake.force / force) for brake in self.brake)
         rear_brakes = sorted((brake.position / length, brake.rear_wheel_force / force) for brake in self.brake)
         end_time = math.inf if self.end is None or self.end.time is None else self.end.time
-        on_wheels = self.thrust if isinstance(self.thrust, Thrust) else None
+        thrust_angle = 0.0
+        thrust_at = None
+        if isinstance(self.thrust, Thrust):
+            thrust_angle = math.radians(self.thrust.angle)
+            thrust_at = self.thrust.at
         return Drive(
             mode=self.mode,
             start=self.start_position(length) / length,
@@ -194,8 +198,8 @@ class Driving(Part):
             rest_speed=self.rest_speed * time / length,
             rest_distance=self.rest_distance / length,
             hitch=self.hitch or (0.0, 0.0),
-            thrust_angle=math.radians(on_wheels.angle) if on_wheels else 0.0,
-            thrust_at=(on_wheels and on_wheels.at) or (0.0, 0.0),
+            thrust_angle=thrust_angle,
+            thrust_at=thrust_at or (0.0, 0.0),
             rear_brakes=tuple(rear_brakes),
         )
 

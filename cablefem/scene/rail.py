@@ -59,15 +59,15 @@ class Rail:
     def x_with_rates(self, s_from_saddle_with_rates: Any) -> Any:
         """x and its rates (3,) of a car off the rope that grips so far from the saddle, (3,) with its rates."""
         s, ds, dds = s_from_saddle_with_rates
-        way = self.stretch * (s - self.s)
+        distance = self.stretch * (s - self.s)
         nodes, weights = np.polynomial.legendre.leggauss(12)
         begin = self.begin.x
-        x = begin + way
+        x = begin + distance
         for _ in range(20):  # from an arc length to its x
             half = 0.5 * (x - begin)
             slopes = self.depth_with_derivatives(begin + half * (1.0 + nodes))[1]
             arc = half * (weights @ np.hypot(1.0, slopes))
-            x -= (arc - way) / np.hypot(1.0, self.depth_with_derivatives(x)[1])
+            x -= (arc - distance) / np.hypot(1.0, self.depth_with_derivatives(x)[1])
         _, slope, bend = self.depth_with_derivatives(x)
         size = np.hypot(1.0, slope)
         dx = self.stretch * ds / size

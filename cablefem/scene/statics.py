@@ -54,7 +54,7 @@ def _panel_count(sigma: float) -> int:
 
 
 def load_path_positions(sigma: float, nearest_to_supports: float | None = None) -> np.ndarray:
-    """Positions s of a load path, uniform in log(s/(1 - s)), up to this near to both supports."""
+    """Positions s of a load path, uniform in log(s/(1 - s)); `nearest_to_supports`: distance of the first and last."""
     nodes = NODES * _panel_count(sigma)
     begin = 0.5 * NEAREST_START
     end = 0.5 * (1.0 - FARTHEST_END)
