@@ -151,7 +151,7 @@ def test_a_hauled_car_runs_its_law_between_start_and_end():
     assert motion.start_position * scene.length == pytest.approx(10.0, rel=1e-14)
     assert motion.end_position * scene.length == pytest.approx(310.0, rel=1e-14)
     assert scene.arrival_time == pytest.approx(5.0 / 3.0 * 300.0 / 6.0, rel=1e-14)
-    (s0, v0, _), (s1, v1, _) = motion.position_with_rates(0.0, 0), motion.position_with_rates(motion.phases[-1][1], 2)
+    (s0, v0, _), (s1, v1, _) = motion.position_with_rates(0.0, 0), motion.position_with_rates(motion.end_time, 2)
     assert (v0, v1, s1) == (0.0, 0.0, motion.end_position)
     assert s0 == motion.start_position
     assert motion.time_at_position(motion.start_position) == 0.0
@@ -162,7 +162,7 @@ def test_a_hauled_car_runs_its_law_between_start_and_end():
         "haul",
         motion.start_position,
         motion.end_position,
-        motion.phases[-1][1],
+        motion.end_time,
     )
     default = Scene.from_toml(HAUL)
     assert (default.groups.motion.start_position, default.groups.motion.end_position) == pytest.approx(

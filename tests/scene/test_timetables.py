@@ -44,7 +44,7 @@ def motion_in_si_and_scene(law, drive=""):
 def test_the_judge_s_timetable_is_the_solvers_travel(name, drive):
     """Two programs read the same keys; another key's value is seen."""
     m, made = motion_in_si_and_scene(LAWS[name], drive)
-    t = np.linspace(0.0, m.phases[-1][1] * (1.0 - 1e-9), 301)
+    t = np.linspace(0.0, m.end_time * (1.0 - 1e-9), 301)
     x = tomllib.loads(made.to_toml())
     said = timetable.positions_at(x["travel"], x.get("drive", {}), made.length, t)
     np.testing.assert_allclose(m.position(t), said, rtol=0.0, atol=1e-9 * made.length)
@@ -72,7 +72,7 @@ def test_a_way_too_short_for_the_top_speed_is_run_with_what_it_allows():
 
 def test_with_jerk_the_acceleration_is_continuous_and_bounded():
     m, _ = motion_in_si_and_scene(LAWS["jerk"], HAUL)
-    t = np.linspace(0.0, m.phases[-1][1], 20001)
+    t = np.linspace(0.0, m.end_time, 20001)
     a = m.positions_with_rates(t, 0)[2]
     assert len(m.phases) == 1
     assert a.max() == pytest.approx(0.5, rel=1e-6)

@@ -35,7 +35,7 @@ def kinematic_defect(motion):
     Taken inside every polynomial piece, because across a knot of the spline the third derivative jumps;
     `position` must agree with it, too.
     """
-    duration = motion.phases[-1][1]
+    duration = motion.end_time
     h, defect = 1e-5 * duration, 0.0
     for phase, ((_, stop), pieces) in enumerate(zip(motion.phases, motion.pieces, strict=True)):
         knots = [*(piece.start for piece in pieces), stop]
@@ -60,7 +60,7 @@ def test_speed_and_acceleration_are_derivatives_of_the_position(name):
 def test_the_kinematic_check_sees_a_wrong_position_speed_or_acceleration(wrong):
     class Bent(Motion):
         def position_with_rates(self, t, phase):
-            values, scale = super().position_with_rates(t, phase), self.phases[-1][1]
+            values, scale = super().position_with_rates(t, phase), self.end_time
             return tuple(
                 v + w * self.end_position / scale**k for k, (v, w) in enumerate(zip(values, wrong, strict=True))
             )
@@ -76,7 +76,7 @@ def test_a_travel_starts_at_the_left_support_and_never_turns(name):
     assert motion.position_with_rates(0.0, 0)[0] == 0.0
     for (_, t1), (t2, _) in zip(motion.phases[:-1], motion.phases[1:], strict=True):
         assert t1 == t2
-    t = np.linspace(0.0, motion.phases[-1][1], 1001)
+    t = np.linspace(0.0, motion.end_time, 1001)
     s = motion.position(t)
     assert np.all(np.diff(s) > 0.0)
     assert s[-1] == motion.end_position <= LENGTH
@@ -97,14 +97,14 @@ def test_time_at_inverts_position(name, fraction):
     s = fraction * motion.end_position
     t = motion.time_at_position(s)
     assert motion.times_at_positions(np.array([s])).tolist() == [t]
-    assert 0.0 <= t <= motion.phases[-1][1]
+    assert 0.0 <= t <= motion.end_time
     assert float(motion.position(t)) == pytest.approx(s, rel=1e-13, abs=1e-13 * LENGTH)
 
 
 def test_time_at_names_the_range_of_the_travel():
     motion = LAWS["law (40)"].motion(LENGTH)
     assert motion.time_at_position(0.0) == 0.0
-    assert motion.time_at_position(LENGTH) == motion.phases[-1][1]
+    assert motion.time_at_position(LENGTH) == motion.end_time
     for s in (-1e-9, 730.1, math.nan):
         with pytest.raises(ValueError, match=r"covers \[0, 730.0\]"):
             motion.time_at_position(s)
@@ -201,7 +201,7 @@ def test_a_motion_is_the_same_in_other_units(name):
 @pytest.mark.parametrize("name", LAWS)
 def test_faster_runs_the_same_law_in_less_time(name):
     motion, faster = LAWS[name].motion(LENGTH), LAWS[name].faster(1.9).motion(LENGTH)
-    t = np.linspace(0.0, motion.phases[-1][1], 17)
+    t = np.linspace(0.0, motion.end_time, 17)
     np.testing.assert_allclose(faster.position(t / 1.9), motion.position(t), rtol=1e-11, atol=1e-10)
     assert faster.top_speed == pytest.approx(1.9 * motion.top_speed, rel=1e-11)
 
@@ -212,7 +212,7 @@ def test_a_brake_that_just_reaches_the_far_support_is_admissible_and_a_harder_on
     assert just.fault_on_cable(LENGTH) == ""
     motion = just.motion(LENGTH)
     assert motion.end_position == LENGTH
-    assert motion.position_with_rates(motion.phases[-1][1], 0)[1] == pytest.approx(0.0, abs=1e-6)
+    assert motion.end_speed == pytest.approx(0.0, abs=1e-6)
     fault = ConstantAcceleration(acceleration=1.01 * limit, initial_speed=13.0).fault_on_cable(LENGTH)
     assert f"must be >= {limit!r} m/s^2" in fault
 
@@ -233,7 +233,7 @@ def test_an_entry_ramp_begins_at_rest_and_meets_the_speed_with_a_smooth_accelera
         motion.position_with_rates(T * (1.0 - 1e-12), 0), (90.0, 23.0, 0.0), rtol=1e-10, atol=1e-10
     )
     np.testing.assert_allclose(motion.position_with_rates(T, 0), (90.0, 23.0, 0.0), rtol=1e-14, atol=1e-14)
-    assert motion.phases[-1][1] == pytest.approx(T + 640.0 / 23.0, rel=1e-14)
+    assert motion.end_time == pytest.approx(T + 640.0 / 23.0, rel=1e-14)
     assert motion.top_speed == pytest.approx(23.0, rel=1e-14)
     assert law.faster(2.0).entry_ramp == 90.0
     assert "entry_ramp = 800.0: must be < 730 m" in ConstantSpeed(speed=3.0, entry_ramp=800.0).fault_on_cable(LENGTH)
