@@ -27,7 +27,6 @@ class TimeWindows:
 
     frames: Array  # (k,) for laws of the cable
     steps: Array  # (k',) for laws of the mass, with begin and end
-    far: float = 1.0  # s_o/l that all these runs reach
 
     @classmethod
     def over_part_of_run(cls, r: Response, window: Window, until: float = math.inf) -> TimeWindows:

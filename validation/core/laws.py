@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -20,9 +20,7 @@ from validation.core import rest, timetable
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.evidence import Evidence, Side, TimeWindows, Window, cross_product
 from validation.core.order import FIRST, SAFETY, error_bar
-from validation.core.scene_data import ROUNDING, ordinate_on_unit_slope, thrust_times_and_forces
-
-DOWN = np.array([0.0, 1.0])
+from validation.core.scene_data import DOWN, ROUNDING, ordinate_on_unit_slope, thrust_times_and_forces
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +67,16 @@ def law_rows_in_si(
             continue
         worst = _worst_component(law, judged)
         bound = Bound("law", (BoundPart(ladder.finest.method, worst.bar, "coarser runs and sampling"),))
-        where = None if math.isnan(worst.s_o) else worst.s_o
-        row = Agreement(law.quantity, worst.gap, bound, where, decides=bool(law.tolerance_kind), parts=(worst.parts,))
-        shown_name = "" if name == law.quantity else name
-        yield replace(row, law=shown_name, required=tolerance(law.tolerance_kind))
+        yield Agreement(
+            law.quantity,
+            worst.gap,
+            bound,
+            where=None if math.isnan(worst.s_o) else worst.s_o,
+            law="" if name == law.quantity else name,
+            required=tolerance(law.tolerance_kind),
+            decides=bool(law.tolerance_kind),
+            parts=(worst.parts,),
+        )
 
 
 class _EvidenceOfLadder:
@@ -81,7 +85,6 @@ class _EvidenceOfLadder:
     def __init__(self, ladder: Any, window: Window, until: float) -> None:
         self.ladder = ladder
         windows = TimeWindows.over_part_of_run(ladder.finest, window, until)
-        windows = replace(windows, far=min(r.reached for r in ladder.runs))
         self.by_run = {id(r): Evidence(r, windows) for r in ladder.runs}
         self.finest = self.by_run[id(ladder.finest)]
         steps = self.finest.without_every_second_step()

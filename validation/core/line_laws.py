@@ -26,6 +26,7 @@ from cablefem.response import Array
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.readback import limit_faults, limit_table_faults, plain_text
 from validation.core.scene_data import (
+    DOWN,
     GROUND,
     ROUNDING,
     LineData,
@@ -33,7 +34,6 @@ from validation.core.scene_data import (
     obstacle_and_ground_profiles,
 )
 
-DOWN = np.array([0.0, 1.0])
 LOWEST = -1e-6  # [m] least clearance of what touches
 ANGLES = ("knee", "knee_empty", "direction")
 LENGTHS = ("x", "depth", "rope_over", "rise", "shift", "sag", "clearance_rope", "clearance_car")
@@ -99,8 +99,8 @@ class LineAtRest(LineData):
         self.length: float | None = cable.get("length")
         self.prescribed_tension: dict[str, Any] | None = cable.get("tension")
         self.breaking_load: float | None = cable.get("breaking_load")
-        self.q_empty = self.empty_mass * self.gravity
-        self.q = self.mass * self.gravity
+        self.q_empty = self.empty_mass_per_length * self.gravity
+        self.q = self.mass_per_length * self.gravity
 
     def x_of_car(self, car: dict[str, Any], position: int) -> float:
         """x [m] of a car, which may have one for all positions."""
@@ -125,7 +125,7 @@ class LineAtRest(LineData):
 
     def stations_at_position(self, i: int, cars_on_rope_at_x: Mapping[str, float] | None = None) -> list[Station]:
         """Stations with the cars at position i; cars_on_rope_at_x : of cars that a shoe does not carry."""
-        on_rope = dict(cars_on_rope_at_x or {})
+        on_rope = cars_on_rope_at_x or {}
         stations = self.contact_stations()
         for car in self.cars:
             if car["name"] in on_rope:
@@ -147,11 +147,11 @@ class RopeAtRest:
         self.EA = data.EA
         self.q = data.q_empty if empty else data.q
         self.heat = 1.0 if empty else data.heat
-        self.s = np.asarray(state.s)
-        self.points = np.asarray(state.points)
-        self.behind = np.asarray(state.behind)
-        self.ahead = np.asarray(state.ahead)
-        self.haul = np.asarray(state.haul)
+        self.s = state.s
+        self.points = state.points
+        self.behind = state.behind
+        self.ahead = state.ahead
+        self.haul = state.haul
         self.reach = float(np.ptp([station.x for station in stations]))
         self.tensions = np.linalg.norm([self.behind, self.ahead], axis=2)  # (2, n), nan outside
         self.tension_max = float(np.nanmax(self.tensions))
@@ -545,6 +545,14 @@ def _float_or_none(cell: str | None) -> float | None:
         return None
 
 
+def _extreme_tensions(ropes: Sequence[RopeAtRest], x: Array) -> dict[str, Array]:
+    """Columns (m,) of profile.csv at x: at a car that grips the tension jumps, and both of its values count."""
+    near = 1e-9 * float(np.ptp(x))
+    sides = [np.clip(x + offset, x[0], x[-1]) for offset in (-near, near)]
+    tensions = [rope.depth_and_tension_at_x(side)[1] for rope in ropes for side in sides]
+    return {"tension_max": np.max(tensions, axis=0), "tension_min": np.min(tensions, axis=0)}
+
+
 class _PrintedLine:
     """What the files of a line at rest say, a second computation of it, and the gaps between both."""
 
@@ -610,7 +618,13 @@ class _PrintedLine:
         table = _read_csv_rows(self.folder / "profile.csv")
         drawn = json.loads((self.folder / "ropes.json").read_text(encoding="utf-8"))
         x = np.array([float(row["x"]) for row in table])
-        columns = self._expected_profile(x)
+        ropes = {i: _rope_at_position(self.data, self.rest, i) for i in self.rest.states}
+        depths = {i: rope.depth_and_tension_at_x(x)[0] for i, rope in ropes.items()}
+        columns = {"x": x}
+        columns["y_highest"] = np.min([*depths.values()], axis=0)
+        columns["y_lowest"] = np.max([*depths.values()], axis=0)
+        columns |= _extreme_tensions(list(ropes.values()), x)
+        columns["y_rest"] = _empty_rope(self.data, self.rest).depth_and_tension_at_x(x)[0]
         lengths_allowed = ROUNDING * float(np.ptp(x))
         tensions_allowed = ROUNDING * float(columns["tension_max"].max())
         for name, expected in columns.items():
@@ -620,32 +634,8 @@ class _PrintedLine:
                 gaps.note_difference(f"profile.csv, {name}", where, _float_or_none(table[k].get(name)), value, allowed)
                 gaps.note_difference("ropes.json", where, drawn["profile"][name][k], value, allowed)
         for position, drawn_depths in drawn["depths"].items():
-            i = int(position) - 1
-            rope = _rope_at_position(self.data, self.rest, i)
-            off = np.abs(np.subtract(drawn_depths, rope.depth_and_tension_at_x(x)[0]))
+            off = np.abs(np.subtract(drawn_depths, depths[int(position) - 1]))
             gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / lengths_allowed)
-
-    def _expected_profile(self, x: Array) -> dict[str, Array]:
-        """Columns of profile.csv at x (m,): depth of the empty rope, extremes of depth and tension of all positions.
-
-        At a car that grips the tension jumps, and both of its values count.
-        """
-        near = 1e-9 * float(np.ptp(x))
-        left = np.clip(x - near, x[0], x[-1])
-        right = np.clip(x + near, x[0], x[-1])
-        depths = []
-        tensions = []
-        for i in self.rest.states:
-            rope = _rope_at_position(self.data, self.rest, i)
-            depths.append(rope.depth_and_tension_at_x(x)[0])
-            tensions += [rope.depth_and_tension_at_x(side)[1] for side in (left, right)]
-        columns = {"x": x}
-        columns["y_highest"] = np.min(depths, axis=0)
-        columns["y_lowest"] = np.max(depths, axis=0)
-        columns["tension_max"] = np.max(tensions, axis=0)
-        columns["tension_min"] = np.min(tensions, axis=0)
-        columns["y_rest"] = _empty_rope(self.data, self.rest).depth_and_tension_at_x(x)[0]
-        return columns
 
     def note_design(self) -> None:
         """Note the gaps of design numbers: value, positions of the cars then, value there; and missing ones."""

@@ -60,7 +60,7 @@ class LineTables(LineData):
 
     def __init__(self, toml: str) -> None:
         super().__init__(toml)
-        self.rho = self.mass / self.heat
+        self.rho = self.mass_per_length / self.heat
         self.q = self.rho * self.gravity
         self.cars: dict[str, dict[str, Any]] = {car["name"]: car for car in self.data.get("car", [])}
 

@@ -29,10 +29,10 @@ from validation.core.sampling import (
     scene_and_path_in_si,
     times_of_frames,
 )
+from validation.core.scene_data import DOWN
 
 STEPS = 1001
 NEAREST = 1e-6  # s_o/l from a support below which the path of a gripped car needs no statics
-DOWN = np.array([0.0, 1.0])
 
 
 class CarKinematics(NamedTuple):

@@ -182,8 +182,7 @@ def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) ->
     a = a.only_runs_covering(view)
     b = b.only_runs_covering(view)
     for quantity in TABLE:
-        known = quantity.concerns(view) and all(_gap_is_known(quantity, x.finest, view) for x in (a, b))
-        if known:
+        if quantity.concerns(view) and all(_gap_is_known(quantity, x.finest, view) for x in (a, b)):
             rows.append(_quantity_row(quantity, a, b, view, tolerance(quantity.tolerance_kind)))
     if view.free:
         for event in EVENTS:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # relative, of static splines and of times in different runs
+DOWN = np.array([0.0, 1.0])
 GROUND = "the ground"  # its name beside those of obstacles
 
 PREFIXES = {"": 1.0, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
@@ -45,6 +46,14 @@ def ice_mass_per_length(cable: dict[str, Any]) -> float:
         return float(ice)
     thickness = ice["thickness"]
     return float(ice["density"] * math.pi * thickness * (cable["diameter"] + thickness))
+
+
+def thermal_stretch(cable: dict[str, Any]) -> float:
+    """1 + a_T (T - T_0) of a TOML's cable; 1 if it has no temperature."""
+    if "temperature" not in cable:
+        return 1.0
+    warmer = cable["temperature"] - cable["reference_temperature"]
+    return float(1.0 + cable["expansion"] * warmer)
 
 
 def rope_stresses_at_wheel(cable: dict[str, Any], wheels: dict[str, Any], N: Array, Q: Array) -> dict[str, Array]:
@@ -133,10 +142,9 @@ class LineData:
         self.gravity: float = self.data.get("gravity", 9.81)
         self.contacts: list[dict[str, Any]] = self.data["contact"]
         self.EA: float = cable["EA"]
-        self.empty_mass: float = cable["mass_per_length"]
-        self.mass = self.empty_mass + ice_mass_per_length(cable)  # [kg/m]
-        warmer = cable["temperature"] - cable["reference_temperature"] if "temperature" in cable else 0.0
-        self.heat: float = 1.0 + cable.get("expansion", 0.0) * warmer
+        self.empty_mass_per_length: float = cable["mass_per_length"]
+        self.mass_per_length = self.empty_mass_per_length + ice_mass_per_length(cable)  # [kg/m]
+        self.heat = thermal_stretch(cable)
 
 
 class SceneData:
@@ -170,8 +178,7 @@ class SceneData:
         l, mean_tension = _catenary_length_and_mean_tension(self.span, self.drop, weight, *self.prescribed)
         self.rho = (self.rho + ice_mass_per_length(cable)) * l / length
         natural = l / (1.0 + mean_tension / self.EA)
-        warmer = cable["temperature"] - cable.get("reference_temperature", 0.0) if "temperature" in cable else 0.0
-        self.prescribed = "unstretched", natural * (1.0 + cable.get("expansion", 0.0) * warmer)
+        self.prescribed = "unstretched", natural * thermal_stretch(cable)
 
     def _crosswind_drag_factor(self) -> float:
         """rho_air c_D d/2 [N s^2/m^3], d with ice."""
