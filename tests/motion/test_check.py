@@ -422,4 +422,5 @@ def test_a_thrust_that_ends_does_no_work_at_its_last_time():
     """The law's sampling had half a step of it too much."""
     line = Line.from_toml(BODIES.replace("times = [0.0, 9.0]", "times = [0.0, 1.0]"))
     moved = LineRuns(ELEMENTS, line).run(1, 1)
-    assert np.abs(motion_laws.momentum_defects_by_window(line.to_toml(), moved.motion, moved.end)).max() < 3e-4
+    sampled = motion_laws.SampledMotion(motion_laws.LineTables(line.to_toml()), moved.motion)
+    assert np.abs(motion_laws.momentum_defects_by_window(sampled, moved.end)).max() < 3e-4

@@ -15,7 +15,7 @@ Left out: the momentum of the rope that enters, rho ds^2, below 1e-5 of the tens
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -64,6 +64,7 @@ class LineTables(LineData):
         self.q = self.rho * self.gravity
         self.cars: dict[str, dict[str, Any]] = {car["name"]: car for car in self.data.get("car", [])}
 
+    @property
     def counterweights(self) -> list[Counterweight]:
         ends = [Counterweight(-1.0, 0, self.contacts[0]), Counterweight(1.0, -1, self.contacts[-1])]
         return [end for end in ends if end.table["kind"] == "counterweight"]
@@ -118,9 +119,9 @@ def rope_chain(motion: Any) -> RopeChain:
 
 
 class SampledMotion:
-    """A motion at every step, or every second one, and the rope as pieces between k points."""
+    """A motion at every n-th step (`every`): its bodies, and integrals over the rope as a chain of straight pieces."""
 
-    def __init__(self, line: LineTables, motion: Any, every: int) -> None:
+    def __init__(self, line: LineTables, motion: Any, every: int = 1) -> None:
         self.line = line
         self.taken = every_nth_step(motion.t, every)
         self.t = motion.t[self.taken]
@@ -128,18 +129,17 @@ class SampledMotion:
         self.contacts = list(motion.contacts)
         self.bodies = [CarBody(line.cars[car.name], car, motion, self.at_samples, line.gravity) for car in self.cars]
         s, points, T = (self.at_samples(values) for values in rope_chain(motion))
-        self.ds = np.diff(s, axis=1)  # (n, k - 1)
-        self.middles = 0.5 * (points[:, 1:] + points[:, :-1])
-        self.squared_tension = 0.5 * (T[:, 1:] ** 2 + T[:, :-1] ** 2)
+        ds = np.diff(s, axis=1)  # (n, k - 1)
+        middles = 0.5 * (points[:, 1:] + points[:, :-1])
+        squared_tension = 0.5 * (T[:, 1:] ** 2 + T[:, :-1] ** 2)
+        self.rope_length = ds.sum(axis=1)  # (n,) [m]
+        self.rope_moment = (middles * ds[..., None]).sum(axis=1)  # int r ds (n, 2)
+        self.rope_depth = (middles[..., 1] * ds).sum(axis=1)  # int y ds (n,)
+        self.rope_squared_tension = (squared_tension * ds).sum(axis=1)  # int N^2 ds (n,)
         self.kinetic = self._kinetic_energy_of_rope(motion)
 
     def at_samples(self, values: Array) -> Array:
         return np.asarray(values[self.taken])
-
-    def along_rope(self, values: Array) -> Array:
-        """Integral (n,) or (n, c) over the rope of values (n, k - 1) or (n, k - 1, c) of its pieces."""
-        ds = self.ds.reshape(*self.ds.shape, *[1] * (values.ndim - 2))
-        return np.asarray((values * ds).sum(axis=1))
 
     def _kinetic_energy_of_rope(self, motion: Any) -> Array:
         """By the velocities of its stations (n,) [J]."""
@@ -219,13 +219,12 @@ def relative_energy_defect(t: Array, energy: Array, powers: Sequence[Array]) -> 
 # --- laws -------------------------------------------------------------------------------------------------------------
 
 
-def momentum_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def momentum_defects_by_window(x: SampledMotion, end: float) -> Array:
     """Defects (WINDOWS, 2) of the momentum of rope and cars in x and y, over the largest tension."""
-    line = LineTables(toml)
-    x = SampledMotion(line, motion, every)
-    moment = line.rho * x.along_rope(x.middles)  # (n, 2)
+    line = x.line
+    moment = line.rho * x.rope_moment  # (n, 2)
     force = np.zeros_like(moment)
-    force[:, 1] = line.q * x.ds.sum(axis=1)
+    force[:, 1] = line.q * x.rope_length
     momentum = np.zeros_like(moment)  # of cars
     for body in x.bodies:
         weight = 1j * body.data["mass"] * line.gravity
@@ -250,30 +249,26 @@ def momentum_defects_by_window(toml: str, motion: Any, end: float, every: int = 
     return np.array(defects)
 
 
-def counterweight_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def counterweight_defects_by_window(x: SampledMotion, end: float) -> Array:
     """Defects of the motion of counterweights, over their forces."""
-    line = LineTables(toml)
-    steps = every_nth_step(motion.t, every)
-    t = motion.t[steps]
+    line = x.line
     defects = []
-    for outward, k, table in line.counterweights():
+    for outward, k, table in line.counterweights:
         G = table["tension"]
-        contact = motion.contacts[k]
-        N = tension_behind_or_ahead(contact)[steps]
-        rise_rate = outward * (1.0 + G / line.EA) * contact.ds[steps]
-        for window in _time_windows(t, end):
+        contact = x.contacts[k]
+        N = x.at_samples(tension_behind_or_ahead(contact))
+        rise_rate = outward * (1.0 + G / line.EA) * x.at_samples(contact.ds)
+        for window in _time_windows(x.t, end):
             impulse = window.W * (N[window.part] - G)
             change = window.W1 * G / line.gravity * rise_rate[window.part]
             defects.append(float(window.integral(impulse + change)) / (G * window.duration))
     return np.array(defects)
 
 
-def energy_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def energy_defects(x: SampledMotion, end: float) -> Array:
     """Energy less work since the start (n,), over all work done."""
-    line = LineTables(toml)
-    x = SampledMotion(line, motion, every)
-    depth = x.along_rope(x.middles[..., 1])
-    energy = x.kinetic - line.q * depth + x.along_rope(x.squared_tension) / (2.0 * line.EA)
+    line = x.line
+    energy = x.kinetic - line.q * x.rope_depth + x.rope_squared_tension / (2.0 * line.EA)
     powers = []
     for body in x.bodies:
         energy += body.energy
@@ -282,7 +277,7 @@ def energy_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
         if table["kind"] == "spring":
             shift = x.at_samples(contact.point) - table["at"]  # (n, 2)
             energy += 0.5 * (np.array(table["stiffness"]) * shift**2).sum(axis=1)
-    for outward, k, table in line.counterweights():
+    for outward, k, table in line.counterweights:
         contact = x.contacts[k]
         N = x.at_samples(mean_tension(contact))
         ds = x.at_samples(contact.ds)
@@ -292,9 +287,8 @@ def energy_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     return relative_energy_defect(x.t, energy, powers)
 
 
-def body_moment_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def body_moment_defects_by_window(x: SampledMotion, end: float) -> Array:
     """Defects of the moment of momentum of cabins and cars on two wheels, over their weight and size."""
-    x = SampledMotion(LineTables(toml), motion, every)
     defects = []
     for body in x.bodies:
         if body.turning is None:
@@ -307,15 +301,13 @@ def body_moment_defects_by_window(toml: str, motion: Any, end: float, every: int
     return np.array(defects)
 
 
-def body_kink_force_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def body_kink_force_defects_by_window(x: SampledMotion, end: float) -> Array:
     """Defects of the forces of cabins and wheels on the rope, by its tensions and slopes there, over the weight."""
-    line = LineTables(toml)
-    x = SampledMotion(line, motion, every)
     defects = []
     for body in x.bodies:
         weight = body.data["mass"] * body.g
         for touching in body.touching if body.turning is not None else ():
-            defect = touching.force_on_rope - touching.force_from_rope_kink(line.rho)
+            defect = touching.force_on_rope - touching.force_from_rope_kink(x.line.rho)
             for window in _time_windows(x.t, end):
                 along = window.weighted_integral(defect.real)
                 down = window.weighted_integral(defect.imag)
@@ -323,9 +315,8 @@ def body_kink_force_defects_by_window(toml: str, motion: Any, end: float, every:
     return np.array(defects)
 
 
-def centre_of_mass_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def centre_of_mass_defects(x: SampledMotion, end: float) -> Array:
     """Distances beyond rounding of centres of mass from where contacts and angles put them, over the body's size."""
-    x = SampledMotion(LineTables(toml), motion, every)
     distances = []
     for body in x.bodies:
         if body.turning is not None:
@@ -334,12 +325,11 @@ def centre_of_mass_defects(toml: str, motion: Any, end: float, every: int = 1) -
     return np.asarray(np.maximum(np.array(distances) - ROUNDING, 0.0))
 
 
-def holding_force_excesses_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def holding_force_excesses_by_window(x: SampledMotion, end: float) -> Array:
     """Means of the forces that hold standing cars, by the rope's tensions, beyond friction and brakes, over the weight.
 
     Waves in the rope pass the limit for moments; the mean of a car that stays does not.
     """
-    x = SampledMotion(LineTables(toml), motion, every)
     excesses = []
     for body in x.bodies:
         held = body.held_by_friction * body.touching[-1].along
@@ -352,28 +342,31 @@ def holding_force_excesses_by_window(toml: str, motion: Any, end: float, every: 
     return np.array(excesses)
 
 
-def any_free_car_sticks(toml: str, motion: Any) -> bool:
+def _any_free_car_sticks(line: LineTables, motion: Any) -> bool:
     """Whether friction holds a free car for a while."""
-    cars = LineTables(toml).cars
     for car in motion.cars:
-        free = cars[car.name].get("drive", {}).get("mode") == "free"
+        free = line.cars[car.name].get("drive", {}).get("mode") == "free"
         stands = car.ds == 0.0
         if free and np.any(stands[:-1] & stands[1:]):
             return True
     return False
 
 
-LAWS = {
-    "momentum of rope and cars": momentum_defects_by_window,
-    "energy and work": energy_defects,
-}
-FRICTION_LAWS = {"friction that holds cars": holding_force_excesses_by_window}
-COUNTERWEIGHT_LAWS = {"motion of the counterweight": counterweight_defects_by_window}
-BODY_LAWS = {
-    "moment of momentum of bodies": body_moment_defects_by_window,
-    "forces on kinks of the rope": body_kink_force_defects_by_window,
-    "centres of mass": centre_of_mass_defects,
-}
+Law = Callable[[SampledMotion, float], Array]  # defects of a motion up to a time [s]
+
+
+def laws_that_apply(line: LineTables, motions: Sequence[Any]) -> dict[str, Law]:
+    """Laws of some motions of a line, by name."""
+    laws: dict[str, Law] = {"momentum of rope and cars": momentum_defects_by_window, "energy and work": energy_defects}
+    if any(car.turning is not None for car in motions[0].cars):
+        laws["moment of momentum of bodies"] = body_moment_defects_by_window
+        laws["forces on kinks of the rope"] = body_kink_force_defects_by_window
+        laws["centres of mass"] = centre_of_mass_defects
+    if line.counterweights:
+        laws["motion of the counterweight"] = counterweight_defects_by_window
+    if any(_any_free_car_sticks(line, motion) for motion in motions):
+        laws["friction that holds cars"] = holding_force_excesses_by_window
+    return laws
 
 
 def faults_of_line_files(folder: Path, motion: Any, design: Sequence[dict[str, Any]], period: float) -> list[str]:

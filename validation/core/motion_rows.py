@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,6 +51,14 @@ class LineRun:
     def end(self) -> float:
         """Its last time [s]."""
         return float(self.motion.t[-1])
+
+    @cached_property
+    def with_every_second_station(self) -> LineRun:
+        """The run with every second station of the rope, both ends among them."""
+        motion = self.motion
+        points = motion.points[:, ::2]
+        tension = motion.tension[:, ::2]
+        return replace(self, motion=replace(motion, s=motion.s[::2], points=points, tension=tension))
 
     def at_common_instants(self, values: Array, end: float) -> Array:
         """Values (n, ...) at the common instants up to `end`; at a jump those before it."""
@@ -317,14 +326,6 @@ def relative_unbalanced_work(moved: LineRun, every: int = 1) -> Array:
     return relative_energy_defect(motion.t[steps], motion.energy[steps], powers)
 
 
-def with_every_second_station(moved: LineRun) -> LineRun:
-    """The run with every second station of the rope, both ends among them."""
-    motion = moved.motion
-    points = motion.points[:, ::2]
-    tension = motion.tension[:, ::2]
-    return replace(moved, motion=replace(motion, s=motion.s[::2], points=points, tension=tension))
-
-
 def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., Array], end: float) -> Agreement:
     """A defect (k,) that is exactly zero; its bar is that of the ladder and three times those of the sampling.
 
@@ -345,7 +346,7 @@ def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., A
 
     gap = size(of_all_steps)
     space, time = ladder.bars_in_space_and_time(comparable_defect)
-    sampled = of_every_second, defect(with_every_second_station(ladder.finest))
+    sampled = of_every_second, defect(ladder.finest.with_every_second_station)
     sampling = 3.0 * sum(abs(gap - size(values)) for values in sampled)
     bound = Bound("law", (BoundPart("ladder", space + time), BoundPart("sampling", sampling)))
     law = f"{law}, {ladder.finest.method}"

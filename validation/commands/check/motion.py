@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from functools import partial
 
 import numpy as np
 
 from cablefem import catenary_line
+from cablefem.response import Array
 from cablefem.scene.line import Line
 from validation.commands.check import sensitivity as sensitivities
 from validation.commands.run.motion import (
@@ -55,20 +56,19 @@ def compare_and_check_laws(
 
 def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end: float) -> Iterator[Agreement]:
     """A row for each law that applies to the line in the TOML and each ladder, up to the time `end`."""
-    laws = dict(motion_laws.LAWS)
-    if any(car.turning is not None for car in ladders[0].finest.motion.cars):
-        laws |= motion_laws.BODY_LAWS
-    if any(motion_laws.LineTables(toml).counterweights()):
-        laws |= motion_laws.COUNTERWEIGHT_LAWS
-    if any(motion_laws.any_free_car_sticks(toml, ladder.finest.motion) for ladder in ladders):
-        laws |= motion_laws.FRICTION_LAWS
+    line = motion_laws.LineTables(toml)
+    laws = motion_laws.laws_that_apply(line, [ladder.finest.motion for ladder in ladders])
+    samples: dict[tuple[int, int], motion_laws.SampledMotion] = {}  # by run and step, for all laws
+
+    def defects(law: motion_laws.Law, moved: LineRun, every: int = 1) -> Array:
+        key = id(moved), every
+        if key not in samples:
+            samples[key] = motion_laws.SampledMotion(line, moved.motion, every)
+        return law(samples[key], end)
+
     for ladder in ladders:
         for name, law in laws.items():
-
-            def defect(moved: Any, every: int = 1, law: Any = law) -> Any:
-                return law(toml, moved.motion, end, every)
-
-            yield law_row(ladder, "laws_si", name, defect, end)
+            yield law_row(ladder, "laws_si", name, partial(defects, law), end)
 
 
 def check_line(
