@@ -16,7 +16,7 @@ from validation.core.quantities import factor_and_prefixed_unit, limit_row_texts
 from validation.page import plot, printing, terminal
 from validation.page.answer.many import LIMITS, Column, Columns, StoredGrid, grid_table
 from validation.page.page import Content, Row, Section, limits_of, read_asset, render_sections, worst_verdict
-from validation.page.plot import Panel, Series
+from validation.page.plot import Panel, SeriesByName
 from validation.page.scene_keys import line_inputs_html
 
 _TEXT = tomllib.loads(read_asset("line.toml"))
@@ -142,7 +142,7 @@ def _column_of_floats(positions: Sequence[Row], name: str) -> Array:
     return np.array([float(x[name]) if x.get(name) else np.nan for x in positions])
 
 
-def _side_view_without_cars(line: Row, profile: Series, lowest: Sequence[Array]) -> tuple[Panel, str]:
+def _side_view_without_cars(line: Row, profile: SeriesByName, lowest: Sequence[Array]) -> tuple[Panel, str]:
     """The side view of a line without its cars, and its caption.
 
     profile : columns of profile.csv;  lowest : depths of the cars' lowest points [m], to fit.
@@ -175,8 +175,8 @@ def _draw_contact(panel: Panel, contact: Row, end: float) -> None:
     panel.labels.append((x + inwards * 0.04 * end, above, contact["name"]))
 
 
-def series_figure(series: Series, unit: str, x: Array, xlabel: str, title: str) -> Markup:
-    """Series by name, (n,) in SI, over a common axis x (n,)."""
+def series_figure(series: SeriesByName, unit: str, x: Array, xlabel: str, title: str) -> Markup:
+    """Series in SI over a common axis x (n,)."""
     factor, prefixed = factor_and_prefixed_unit(np.concatenate(list(series.values())), unit)
     scaled = {name: factor * values for name, values in series.items()}
     p = Panel(f"[{prefixed}]" if prefixed else "")

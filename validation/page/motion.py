@@ -13,12 +13,11 @@ from cablefem.scene.line import Contact, Line
 from validation.core import store
 from validation.core.quantities import quantity_text
 from validation.core.scene_data import read_csv_columns
-from validation.page import line as at_rest
 from validation.page import side_view
 from validation.page.answer.many import Columns
-from validation.page.line import stored_limits_table, table_columns_with_outcome
+from validation.page.line import line_grid_sections, series_figure, stored_limits_table, table_columns_with_outcome
 from validation.page.page import Content, Row, Section, read_asset, render_sections
-from validation.page.plot import COLORS, Series
+from validation.page.plot import COLORS, SeriesByName
 from validation.page.scene_keys import line_inputs_html
 from validation.page.side_view import packed_series, six_digits
 
@@ -100,7 +99,7 @@ def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str |
     return render_sections(__package__, "assets/motion.html", **content)
 
 
-def _moving_side_view(folder: Path, contacts: Series, paths: dict[str, Series]) -> Markup:
+def _moving_side_view(folder: Path, contacts: SeriesByName, paths: dict[str, SeriesByName]) -> Markup:
     """The side view in motion: rope, cars with what hangs and turns, counterweights."""
     line = Line.load(folder / "scene.toml")
     rope = read_csv_columns(folder / "rope.csv")
@@ -130,7 +129,7 @@ def _moving_side_view(folder: Path, contacts: Series, paths: dict[str, Series]) 
     return side_view.side_view_player(data, range_T, " and ".join(paths))
 
 
-def _still_parts_of_side_view(line: Line, profile: Series, paths: dict[str, Series]) -> Content:
+def _still_parts_of_side_view(line: Line, profile: SeriesByName, paths: dict[str, SeriesByName]) -> Content:
     """The parts that do not move: rope at rest, envelope, contacts, paths of the cars, obstacles, ground."""
     right = line.contact[-1]
     span, drop = right.at
@@ -152,7 +151,7 @@ def _still_parts_of_side_view(line: Line, profile: Series, paths: dict[str, Seri
     return parts | side_view.obstacles_and_ground(line)
 
 
-def _rope_frames_filled_beyond_pulleys(line: Line, rope: Series, at_frames: Series) -> Series:
+def _rope_frames_filled_beyond_pulleys(line: Line, rope: SeriesByName, at_frames: SeriesByName) -> SeriesByName:
     """Tension and points (frames, stations); rope that is beyond a pulley has the values at it.
 
     rope : columns of rope.csv, nan beyond a pulley;  at_frames : columns of contacts.csv.
@@ -175,7 +174,7 @@ def _rope_frames_filled_beyond_pulleys(line: Line, rope: Series, at_frames: Seri
     return frames
 
 
-def _packed_contact(contact: Contact, at_frames: Series) -> Content:
+def _packed_contact(contact: Contact, at_frames: SeriesByName) -> Content:
     """The rope at a contact, for the side view; at_frames : columns of all contacts."""
     T = at_frames[f"{contact.name}.tension"]
     x, y = contact.at
@@ -184,7 +183,7 @@ def _packed_contact(contact: Contact, at_frames: Series) -> Content:
     return packed_series(series) | {"readout": [], "name": contact.name}
 
 
-def _figures_over_time(line: Row, contacts: Series, paths: dict[str, Series]) -> Iterator[Markup]:
+def _figures_over_time(line: Row, contacts: SeriesByName, paths: dict[str, SeriesByName]) -> Iterator[Markup]:
     """One figure per kind of quantity that is known, over time."""
     for title, figure in OVER_TIME.items():
         series = _series_of_contacts(line, contacts, figure)
@@ -194,10 +193,10 @@ def _figures_over_time(line: Row, contacts: Series, paths: dict[str, Series]) ->
                     series[words.format(name)] = path[column]
         known = {name: values for name, values in series.items() if np.isfinite(values).any()}
         if known:
-            yield at_rest.series_figure(known, figure["unit"], contacts["t"], "time [s]", title)
+            yield series_figure(known, figure["unit"], contacts["t"], "time [s]", title)
 
 
-def _series_of_contacts(line: Row, contacts: Series, figure: Row) -> Series:
+def _series_of_contacts(line: Row, contacts: SeriesByName, figure: Row) -> SeriesByName:
     """Curves of a figure over time, at its kind of contacts."""
     series = {}
     for contact in line["contact"]:
@@ -214,4 +213,4 @@ def _series_of_contacts(line: Row, contacts: Series, figure: Row) -> Series:
 
 def motion_grid_sections(folder: Path) -> list[Section]:
     """The page of a grid of lines in motion in a folder."""
-    return at_rest.line_grid_sections(folder, motion_table_columns)
+    return line_grid_sections(folder, motion_table_columns)

@@ -38,7 +38,7 @@ FIELD = (
 )
 
 
-Series = dict[str, Array]  # values (n,) by name
+SeriesByName = dict[str, Array]  # values (n,)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from cablefem.scene import Scene
 from cablefem.scene.line import Line
 from validation.core.answers import profile_columns
 from validation.page.page import Content, render_template
-from validation.page.plot import BLUE, VERMILLION, Series, colour_map_bytes
+from validation.page.plot import BLUE, VERMILLION, SeriesByName, colour_map_bytes
 
 STATIONS = 101  # of the moving rope, at most, without the mass
 BODIES = {"swing": "hangs", "pitch": "wheels"}  # what turns, by its angle
@@ -88,7 +88,7 @@ def _still_parts_of_side_view(scene: Scene, r: Response) -> Content:
     return parts | obstacles_and_ground(scene)
 
 
-def rope_envelope(profile: Series) -> list[list[float]]:
+def rope_envelope(profile: SeriesByName) -> list[list[float]]:
     """x, and smallest and largest depth of the rope there, from the columns of profile.csv."""
     return [six_digits(profile[name]) for name in ("x", "y_highest", "y_lowest")]
 
@@ -147,7 +147,7 @@ def _packed_rope_frames(scene: Scene, r: Response, color: str, unit: ForceUnit) 
     return rope
 
 
-def _frames_from_start(scene: Scene, r: Response) -> Series:
+def _frames_from_start(scene: Scene, r: Response) -> SeriesByName:
     """Fields at the drawn stations; a gripped mass enters a rope at rest, which is then the first frame."""
     f = r.fields
     stride = _station_stride(r)
@@ -168,7 +168,7 @@ def _car_depth_below_rope(scene: Scene) -> float:
     return 0.0 if scene.mass is None else scene.mass.below
 
 
-def packed_car(car: Series, unit: ForceUnit, **look: Any) -> Content:
+def packed_car(car: SeriesByName, unit: ForceUnit, **look: Any) -> Content:
     """A car for the side view.
 
     car : columns of its path.csv at the frames; look : its name, color and `below`.
@@ -182,7 +182,7 @@ def packed_car(car: Series, unit: ForceUnit, **look: Any) -> Content:
     return packed_series(series) | {"readout": _packed_readout(car, unit)} | look
 
 
-def _packed_readout(car: Series, unit: ForceUnit) -> list[Content]:
+def _packed_readout(car: SeriesByName, unit: ForceUnit) -> list[Content]:
     """The numbers that the side view shows of a car, where they are known at all times."""
     numbers = {"deflection [m]": car["v"]}
     numbers[f"tension behind [{unit.name}]"] = car["T_behind"] / unit.newtons
@@ -198,7 +198,7 @@ def _packed_readout(car: Series, unit: ForceUnit) -> list[Content]:
     return readout
 
 
-def packed_series(series: Series) -> Content:
+def packed_series(series: SeriesByName) -> Content:
     return {name: pack_array_as_uint16(values) for name, values in series.items()}
 
 

@@ -16,7 +16,7 @@ from validation.core.readback.stored import Faults, Run, StoredResults, read_jso
 from validation.core.readback.verification import verification_faults
 from validation.core.scene_data import ROUNDING, Array, max_depth_at, read_csv_columns
 
-SINGLE_PRECISION = 1e-6  # of single precision
+SINGLE_PRECISION = 1e-6  # relative
 
 
 def file_faults(stored: StoredResults) -> Faults:

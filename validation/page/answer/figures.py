@@ -61,12 +61,13 @@ def plot_series(answer: StoredAnswer, rows: Sequence[tuple[str, str, str]], capt
 
 def _series_panel(answer: StoredAnswer, title: str, unit: str, values_of: Callable[..., Any], over_time: bool) -> Panel:
     # limits from the compared part, before slack
-    inside = [_values_at_compared_times(answer, r, r.t, values_of(r=r)) for r in answer.runs]
+    series = [values_of(r=r) for r in answer.runs]
+    inside = [_values_at_compared_times(answer, r, r.t, x) for r, x in zip(answer.runs, series, strict=True)]
     factor, name = factor_and_prefixed_unit(np.concatenate(inside), unit)
     p = Panel(f"[{name}]", title, 110.0, down="below" in title)
     p.fit_y_axis([factor * values for values in inside])
-    for r, look in zip(answer.runs, LOOKS, strict=False):
-        p.add_curve(_time_or_position(r, over_time), factor * values_of(r=r), *look, name=r.method)
+    for r, x, look in zip(answer.runs, series, LOOKS, strict=False):
+        p.add_curve(_time_or_position(r, over_time), factor * x, *look, name=r.method)
     other = answer.third_party
     if other is not None:
         values = _third_party_series(other, values_of)
