@@ -197,9 +197,9 @@ def _window_text(window: Window, a: OneSpan, b: OneSpan) -> str:
 def _path_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
     x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.with_zero_u_and_x, (a, b))
     gap, rms, where = measures.relative_path_gap(x, y, window)
-    _, positions, distances = measures.relative_path_distances(x, y, window)
+    paths = measures.relative_path_distances(x, y, window)
     why = [f"relative to {b.path_scale_name} {b.path_scale:.4g} m"]
-    beyond = positions[distances > allowed]
+    beyond = paths.position[paths.distance > allowed]
     if beyond.size:
         why.append(f"they part from s_o/l = {beyond[0]:.3f} on")
     why += [f"rms gap {rms:.3g}", f"over {_window_text(window, a, b)}"]
@@ -213,8 +213,8 @@ def _path_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agr
 def _tension_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
     if isinstance(a, Response) and isinstance(b, Response):
         gap = measures.rms_tension_gap_over_H(a, b, window)
-        frames, _, _ = measures.common_frames(a, b, window)
-        worst = max(frames.tolist(), key=lambda frame: measures.rms_tension_gap_over_H(a, b, (frame, frame)))
+        positions = measures.common_frames(a, b, window).position.tolist()
+        worst = max(positions, key=lambda s: measures.rms_tension_gap_over_H(a, b, (s, s)))
         why = f"rms of the field off the mass, over H; over {_window_text(window, a, b)}"
     else:
         for r in (a, b):
