@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cablefem.scene.line import Line
-from tests.motion.lines import BODIES, broken_laws
+from tests.motion.lines import BODIES, OVER, broken_laws
 from validation.commands.check.motion import compare_and_check_laws
 from validation.commands.run.motion import SINES, LineRuns
 from validation.core.agreement import worst_deciding_verdict
@@ -27,6 +27,20 @@ def ladder(line):
 
 def test_sines_keep_all_laws(line, ladder):
     assert not broken_laws(line.to_toml(), ladder)
+
+
+def test_rope_that_creeps_under_a_standing_car_does_not_turn_its_friction():
+    """A car hauled in x stands, and the rope runs over the saddle to and fro: friction stays that of the last motion."""
+    cabin = {
+        "car.0.hanger": {"mass": 900.0, "length": 3.0, "damping": 0.05},
+        "car.0.drive": {"mode": "haul", "rolling_friction": 0.02},
+        "car.0.travel.from": 60.0, "car.0.travel.to": 70.0, "car.0.travel.rest": 3.0,
+    }  # fmt: skip
+    stands = Line.from_toml(OVER).replace(cabin)
+    ladder = LineRuns(SINES, stands).ladder(2, 2)
+    motion = ladder.finest.motion
+    assert np.min(motion.cars[0].ds[motion.t > motion.t[-1] - 3.0]) < 0.0
+    assert not broken_laws(stands.to_toml(), ladder)
 
 
 def test_nothing_is_counted_that_the_line_does_not_have(line, ladder):

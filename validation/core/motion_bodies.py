@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from validation.core.scene_data import Array, air_drag_factor, thrust_times_and_forces
+from validation.core.scene_data import ROUNDING, Array, air_drag_factor, thrust_times_and_forces
 
 ComplexVector = NDArray[np.complex128]
 Sampled = Callable[[Array], Array]  # takes samples of values at steps
@@ -93,6 +93,8 @@ class CarBody:
         self.held_by_friction = np.zeros(self.t.size, bool)  # a free car that stands on the rope
         point = to_complex(sampled(car.point))
         velocity = to_complex(sampled(car.velocity))
+        in_x = data.get("drive", {}).get("mode") == "haul" and len(motion.contacts) > 2  # of several spans
+        self.travel_rate = velocity.real if in_x else sampled(car.ds)
         self.arms = [0.0 * point]  # contact less c
         self.touching = [RopeContact(car, car.contact_force, sampled)]
         self.touching[0].set_load_taken_by_shoe(sampled(car.shoe_force), velocity)
@@ -160,13 +162,16 @@ class CarBody:
         self.powers = [of_force, of_drag, -self.damping * self.rate**2]
 
     def _direction_of_travel(self) -> Array:
-        """Sign (n,) of the speed of the front contact; at a standstill that of the next motion."""
-        ds = self.touching[-1].ds
-        moving = np.flatnonzero(ds)
+        """Sign (n,) of the travel; at a standstill that of the next motion, after the last one it stays.
+
+        Rope that creeps under a car which stands in x does not turn its friction.
+        """
+        rate = self.travel_rate
+        moving = np.flatnonzero(np.abs(rate) > ROUNDING * np.max(np.abs(rate)))
         if not moving.size:
-            return ds
-        following = np.searchsorted(moving, np.arange(ds.size))
-        return np.sign(ds[moving[np.minimum(following, moving.size - 1)]])
+            return np.zeros_like(rate)
+        following = np.searchsorted(moving, np.arange(rate.size))
+        return np.sign(rate[moving[np.minimum(following, moving.size - 1)]])
 
     def _braking_force(self, wheel: str, s: Array) -> Array:
         """Force (n,) [N] of all brakes on the "front" or "rear" wheel of a car at s (n,)."""
