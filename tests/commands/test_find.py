@@ -143,6 +143,19 @@ def test_words_are_bisected_and_a_condition_that_never_changes_says_what_happens
     assert "holds nowhere in the range; at 49: " in never.sentence
 
 
+def test_riders_who_arrive_slowly_are_found_between_those_too_fast_and_those_who_do_not_arrive():
+    """With more friction a rider is slower on arrival, then gets stuck: few values of the key lie between."""
+    never = ZIPLINE.replace({"drive.brake": []})
+    slow = "arrival.speed <= 3 km/h"
+    found = cf.find(never, {"drive.rolling_friction": (0.0, 0.2)}, so_that=slow, check=False)
+    assert len(found.changes) == 2
+    least, most = (change.value for change in found.changes)
+    for friction, arrives_slowly in ((least - 1e-3, False), (0.5 * (least + most), True), (most + 1e-3, False)):
+        ride = cf.quasi_static(never.replace({"drive.rolling_friction": friction}))
+        speeds = [e["speed"] for e in ride.events if e["event"] == "arrival"]
+        assert (bool(speeds) and 3.6 * speeds[0] <= 3.0) is arrives_slowly
+
+
 def test_the_command_stores_the_answer_and_a_value_that_fails_does_not_hold(cablefem):
     Path("bad.toml").write_text(RIDER.to_toml())
     code, out, _ = cablefem(
@@ -230,6 +243,7 @@ def test_the_curve_of_two_keys(cablefem):
         (("mass.mass=200:40", "outcome = arrives"), "LOW must be below HIGH"),
         (("mass.mass", "outcome = arrives"), "must be KEY=LOW:HIGH"),
         (("mass.mass=40:200", "outcome = arrives and speed >"), "cannot read 'speed >'"),
+        (("mass.mass=40:200", "outcome = arrive"), "unknown kind of outcome. Did you mean arrives? Known: breaks, "),
         (("mass.mass=40:200", "spede_max >= 3 m/s"), "unknown name. Did you mean speed_max?"),
         (("mass.mass=40:200", "speed_max >= 3 kN"), "unit 'kN'; speed_max is in m/s"),
         (("mass.mass=40:200", "tension_max <= 30 m"), "unit 'm'; tension_max is in N"),  # no milli

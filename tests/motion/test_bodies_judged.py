@@ -30,7 +30,7 @@ def test_sines_keep_all_laws(line, ladder):
 
 
 def test_rope_that_creeps_under_a_standing_car_does_not_turn_its_friction():
-    """A car hauled in x stands, and the rope runs over the saddle to and fro: friction stays that of the last motion."""
+    """A car hauled in x stands, rope runs over the saddle to and fro: friction stays that of the last motion."""
     cabin = {
         "car.0.hanger": {"mass": 900.0, "length": 3.0, "damping": 0.05},
         "car.0.drive": {"mode": "haul", "rolling_friction": 0.02},

@@ -45,10 +45,16 @@ def averaging_time_sentence(r: Response) -> str:
     return f"{kinds} and angles of the rope are means over an axial round trip, {round_trip:.2g} s"
 
 
+ONE_SPAN_OUTCOMES = (
+    "breaks", "arrives", "stopped_by_brake", "stuck", "rolls_back", "rolling", "crossed", "stopped", "incomplete",
+)  # fmt: skip
+LINE_OUTCOMES = ("breaks", "collides", "carries", "ends", "arrives", "incomplete")
+
+
 class Outcome(NamedTuple):
     """How a run ends, in one word and in a sentence."""
 
-    kind: str  # breaks, arrives, stopped_by_brake, stuck, rolls_back, rolling, crossed, stopped, incomplete
+    kind: str  # of ONE_SPAN_OUTCOMES or LINE_OUTCOMES
     sentence: str
 
 

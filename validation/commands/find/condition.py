@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cablefem.scene.errors import did_you_mean
-from validation.core.answers import Outcome
+from validation.core.answers import LINE_OUTCOMES, ONE_SPAN_OUTCOMES, Outcome
 from validation.core.limits import MET, first_brake_or_arrival, worst_judged_row, worst_limit_columns
 from validation.core.quantities import limit_row_texts
 from validation.core.scene_data import conversion_factor_or_nan
@@ -148,6 +148,9 @@ def _parse_clause(text: str) -> Clause:
     if match is None or words is not (match[1] == "outcome" and match[2] == "="):
         raise Refused(f"--so-that: cannot read {text!r}; must be {FORMS}")
     if words:
+        kinds = dict.fromkeys((*ONE_SPAN_OUTCOMES, *LINE_OUTCOMES))
+        if match[3] not in kinds:
+            raise Refused(f"--so-that {text}: unknown kind of outcome.{did_you_mean(match[3], kinds)}")
         return Clause(text, "outcome", right=match[3])
     if match[2] == "=":
         raise Refused(f"--so-that: cannot read {text!r}; numbers are compared by <= or >=")

@@ -165,6 +165,8 @@ def find(
     changes: list[Threshold] = []
     try:
         search.refuse_uncheckable_condition([low, high])
+        within = [search.value_between_where_it_holds(a, b) for a, b in itertools.pairwise(values)]
+        values = sorted([*values, *(value for value in within if value is not None)])
         for a, b in itertools.pairwise(values):
             if search.condition_holds_at(a) is not search.condition_holds_at(b):
                 changes.append(search.bisect_threshold(a, b))
@@ -263,6 +265,31 @@ class _Search:
 
     def condition_holds_at(self, value: float) -> bool:
         return all(room >= 0.0 for room in self.margins_at(value))
+
+    def value_between_where_it_holds(self, a: float, b: float) -> float | None:
+        """A value at which the condition holds, between two at which it fails; None: none was found.
+
+        Looked for where a part of the condition begins or ceases to hold or to have a number: a rider who is ever
+        slower on arrival no longer arrives at all.
+        """
+        if self.condition_holds_at(a) or self.condition_holds_at(b):
+            return None
+        at_ends = zip(self._states_at(a), self._states_at(b), strict=False)
+        for i, (before, after) in enumerate(at_ends):
+            low, high = a, b
+            for _ in range(HALVINGS if before != after else 0):
+                middle = 0.5 * (low + high)
+                if self.condition_holds_at(middle):
+                    return middle
+                if self._states_at(middle)[i : i + 1] == [before]:
+                    low = middle
+                else:
+                    high = middle
+        return None
+
+    def _states_at(self, value: float) -> list[tuple[bool, bool]]:
+        """Of each margin, whether it is known and whether it holds."""
+        return [(math.isfinite(room), room >= 0.0) for room in self.margins_at(value)]
 
     def bisect_threshold(self, a: float, b: float) -> Threshold:
         """The threshold between two values, by bisection; of numbers linear in the last interval."""
