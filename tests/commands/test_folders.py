@@ -17,19 +17,13 @@ FOURIER = ("--method", "fourier", "--set", "terms=4", "--set", "steps=40", "--no
 EDITED = LEVEL.variant(mu=0.9, name="level").to_toml()
 
 pytestmark = pytest.mark.usefixtures("without_animation")
-_modes = cache(lambda toml, modes=study.modes: modes(Scene.from_toml(toml)))
+_frequencies = cache(study.scaled_cable_frequencies)
 
 
 @pytest.fixture(autouse=True)
-def modes_found_once(monkeypatch):
+def frequencies_found_once(monkeypatch):
     """Let `modes` find the frequencies of a cable once: where they go is tested here."""
-
-    def modes(scene, out, progress):
-        found = _modes(scene.to_toml())
-        found.write(out)
-        return found
-
-    monkeypatch.setattr(study, "modes", modes)
+    monkeypatch.setattr(study, "scaled_cable_frequencies", _frequencies)
 
 
 @pytest.mark.parametrize("name", ["following-p2/thesis.tex", "report.html"])
