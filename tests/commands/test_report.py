@@ -153,7 +153,7 @@ def test_two_commands_on_one_scene_may_have_pages_of_one_name(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     for command in ("check", "run"):
         folder = store.claim_and_clear_folder(None, command, Scene.load("bare"), [command])
-        store.mark_finished_and_list_files(folder, command)
+        store.mark_finished_with_files(folder, command)
     one = [Section("answer", "The answer", "<p>1</p>")]
     monkeypatch.setattr(report, "read_stored_sections", lambda folder, command: one)
     monkeypatch.setattr(run_page, "sections", lambda folder: one)

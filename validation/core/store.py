@@ -91,7 +91,7 @@ def _files_below(folder: Path, names: Sequence[str]) -> list[str]:
     return [str(x.relative_to(folder)) for x in found]
 
 
-def mark_finished_and_list_files(folder: Path, command: str) -> None:
+def mark_finished_with_files(folder: Path, command: str) -> None:
     """Note in the folder's marker which files a command wrote; those there before it are not ours."""
     if marker := _read_marker(folder):
         result = marker["results"][command]

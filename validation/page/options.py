@@ -210,7 +210,7 @@ def claim_and_finish_results(out: Path | None, command: str, scene: Scene | str,
     """Claim the folder; after the `with` block mark it finished, and print what was written."""
     folder = store.claim_and_clear_folder(out, command, scene, files)
     yield folder
-    store.mark_finished_and_list_files(folder, command)
+    store.mark_finished_with_files(folder, command)
     terminal.print_text(f"written to {folder}: {', '.join(files)}")
 
 

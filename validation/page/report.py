@@ -39,7 +39,7 @@ def write_report_and_finish(folder: Path, command: str, faults: Sequence[str] = 
     sections = _with_unique_ids((other, section) for other in done for section in read_stored_sections(folder, other))
     title = store.scene_title(folder) or next((s.title for s in sections), folder.name)
     page.write_page(title, sections, folder / "report.html")
-    store.mark_finished_and_list_files(folder, command)
+    store.mark_finished_with_files(folder, command)
 
 
 def read_back_and_report(command: str, stored: StoredResults, printed_lines: Sequence[str]) -> Literal[0, 1]:

@@ -216,7 +216,7 @@ def _check_and_write(
             report.write_report_and_finish(folder, "check")
         for r in runs:
             write_summary_and_profile(folder / r.method, scene, r)
-        store.mark_finished_and_list_files(folder, "check")
+        store.mark_finished_with_files(folder, "check")
         progress("writing", 1.0)
     return result, folder
 

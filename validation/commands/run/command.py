@@ -110,7 +110,7 @@ def _run_and_report(
         r.write(folder / name)
         write_summary_and_profile(folder / name, scene, r)
         report.write_report_and_finish(folder, "run")
-    store.mark_finished_and_list_files(folder, "run")  # with the animation's files
+    store.mark_finished_with_files(folder, "run")  # with the animation's files
     with terminal.copy_printed_lines() as lines:
         printing.print_run_summary(scene, r)
         printing.print_method_and_flags(r)
