@@ -38,16 +38,21 @@ class Track:
     def of(cls, r: Response) -> Track:
         """Passages of a run up to the slack onset, by splines over place."""
         s_o = np.round(r.s_o / r.length, 12)
-        first = (s_o > np.maximum.accumulate(np.r_[-1.0, s_o[:-1]])) & (r.t < r.slack_time_or_inf)
+        farthest_before = np.maximum.accumulate(np.append(-1.0, s_o[:-1]))
+        first = (s_o > farthest_before) & (r.t < r.slack_time_or_inf)
         path = np.stack([r.t, r.x, r.y, r.u, r.v], axis=1)
         t, x, y, u, v = CubicSpline(s_o[first], path[first], extrapolate=False)(PLACES).T
-        what, at = (r.reason, r.reached) if r.slack_onset is None else ("slack cable", r.slack_onset)
-        end = "it arrives" if what is None else f"{what} at s_o/l = {at:.3f}"
+        end = "it arrives"
+        if r.slack_onset is not None:
+            end = f"slack cable at s_o/l = {r.slack_onset:.3f}"
+        elif r.reason is not None:
+            end = f"{r.reason} at s_o/l = {r.reached:.3f}"
         return cls(t, np.stack([x, y], axis=1), np.stack([u, v], axis=1), end)
 
     def gap(self, other: Track) -> Array:
         """(2, 101) distances in place [m] and time [s]."""
-        return np.stack([np.linalg.norm(self.place - other.place, axis=1), np.abs(self.t - other.t)])
+        distance = np.linalg.norm(self.place - other.place, axis=1)
+        return np.stack([distance, np.abs(self.t - other.t)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,10 +95,10 @@ def read_table(file: Path) -> tuple[str, Path101]:
     lines = file.read_text(encoding="utf-8").splitlines()
     notes = [line[1:].removeprefix(" ") for line in lines if line.startswith("#")]
     toml = "\n".join(notes[notes.index("scene:") + 1 :]) + "\n"
-    known = np.loadtxt(lines[len(notes) + 1 :], delimiter=",")
+    place, *columns = np.loadtxt(lines[len(notes) + 1 :], delimiter=",", unpack=True)
     rows = np.full((PLACES.size, 7), np.nan)
-    rows[np.round(100.0 * known[:, 0]).astype(int)] = known[:, 1:]
+    rows[np.round(100.0 * place).astype(int)] = np.transpose(columns)
     end = next(note.removeprefix("ends: ") for note in notes if note.startswith("ends: "))
-    track, bar = Track(rows[:, 0], rows[:, 1:3], rows[:, 3:5], end), rows[:, 5:].T
+    track = Track(t=rows[:, 0], place=rows[:, 1:3], moved=rows[:, 3:5], end=end)
     # rewritten, as the order of tables may differ
-    return Scene.from_toml(toml).to_toml(), Path101(track, bar)
+    return Scene.from_toml(toml).to_toml(), Path101(track, bar=rows[:, 5:].T)

@@ -39,14 +39,19 @@ def assert_single_precision(a, b):
     np.testing.assert_allclose(a, b, rtol=3e-7, atol=3e-4)
 
 
+def vectors_with_y_up(x, y):
+    return np.stack([x, -y, 0.0 * x], axis=-1)
+
+
 @pytest.mark.parametrize("k", [0, 41, 70])
 def test_the_cable_is_the_response_with_y_up(inclined_response, paraview_folder, k):
-    f, static = inclined_response.fields, INCLINED.catenary
+    f = inclined_response.fields
+    at_rest = INCLINED.catenary
     points, cells, t, data = read_frame(paraview_folder / paraview.CABLE, k)
     assert t == f.t[k]
-    assert_single_precision(points[:-2], np.stack([static.x(f.s), -static.y(f.s), 0.0 * f.s], axis=1))
-    assert_single_precision(data["displacement"][:-2], np.stack([f.u[k], -f.v[k], 0.0 * f.s], axis=1))
-    assert_single_precision(data["velocity"][:-2], np.stack([f.du[k], -f.dv[k], 0.0 * f.s], axis=1))
+    assert_single_precision(points[:-2], vectors_with_y_up(at_rest.x(f.s), at_rest.y(f.s)))
+    assert_single_precision(data["displacement"][:-2], vectors_with_y_up(f.u[k], f.v[k]))
+    assert_single_precision(data["velocity"][:-2], vectors_with_y_up(f.du[k], f.dv[k]))
     assert_single_precision(data["tension"], [*f.T[k], f.T_behind[k], f.T_ahead[k]])
     assert points[100, 1] < 0.0  # hangs below the left support
     assert data["displacement"][2 * (k + 1), 1] < 0.0  # and the mass pulls it down
@@ -76,15 +81,18 @@ def test_the_lines_run_along_the_cable_and_part_at_the_mass_only(
 
 @pytest.mark.parametrize("k", [3, 66])
 def test_the_mass_is_on_the_cable(inclined_response, paraview_folder, k):
-    f, static = inclined_response.fields, INCLINED.catenary
+    f = inclined_response.fields
+    at_rest = INCLINED.catenary
+    s_o = f.s_o[k]
     points, cells, t, data = read_frame(paraview_folder / paraview.MASS, k)
     assert (t, cells.type, points.shape) == (f.t[k], "vertex", (1, 3))
-    assert_single_precision(points[0], [static.x(f.s_o[k]), -static.y(f.s_o[k]), 0.0])
-    assert_single_precision(data["displacement"][0], [f.mass_u[k], -f.mass_v[k], 0.0])
-    assert_single_precision([data["tension_behind"][0], data["tension_ahead"][0]], [f.T_behind[k], f.T_ahead[k]])
-    on_cable = read_frame(paraview_folder / paraview.CABLE, k)
-    np.testing.assert_array_equal(on_cable[0][-2:], np.repeat(points, 2, axis=0))
-    np.testing.assert_array_equal(on_cable[3]["displacement"][-2:], np.repeat(data["displacement"], 2, axis=0))
+    assert_single_precision(points[0], vectors_with_y_up(at_rest.x(s_o), at_rest.y(s_o)))
+    assert_single_precision(data["displacement"][0], vectors_with_y_up(f.mass_u[k], f.mass_v[k]))
+    assert_single_precision(data["tension_behind"][0], f.T_behind[k])
+    assert_single_precision(data["tension_ahead"][0], f.T_ahead[k])
+    of_cable, _, _, cable_data = read_frame(paraview_folder / paraview.CABLE, k)
+    np.testing.assert_array_equal(of_cable[-2:], np.repeat(points, 2, axis=0))
+    np.testing.assert_array_equal(cable_data["displacement"][-2:], np.repeat(data["displacement"], 2, axis=0))
 
 
 def test_all_frames_are_there_in_three_files(inclined_response, paraview_folder):
