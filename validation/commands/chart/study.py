@@ -40,6 +40,7 @@ from validation.core.sidebyside import Progress, no_progress
 from validation.page.page import package_versions
 from validation.peers import PEERS, PeerPath, import_failure_reason
 
+Settings = dict[str, Any]  # of a method or another code
 STOP = measures.WINDOW[1]
 SETTINGS = store.read_packaged_toml(__package__, "chart.toml")
 REFERENCE = SETTINGS["reference"]
@@ -48,7 +49,7 @@ WITNESS = SETTINGS["witness"]
 BASE = SETTINGS["base"]
 FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))  # over the default resolution
 FULL_PROGRAM = ", whole"  # short, for legends
-RESULTS = (
+RESULTS = (  # of a row, None where there is none
     "reason", "reached", "path_error", "path_rms", "tension_error", "seconds", "spread", "repeats", "n_dof",
     "steps", "newton_iterations", "factorisations", "unknown_steps", "wait",
 )  # fmt: skip
@@ -61,11 +62,11 @@ class Series:
 
     name: str
     kind: str  # "method" | "model" | "integrator" | "tolerance" | "waiting" | "peer"
-    rungs: tuple[Row, ...]  # settings of its runs
+    rungs: tuple[Settings, ...]  # of its runs
     method: str | None = None  # None: another code
     model: str = "full"
 
-    def chart_row(self, settings: Row, **results: Any) -> Row:
+    def chart_row(self, settings: Settings, **results: Any) -> Row:
         """A row of chart.json; results that are not given are None."""
         row: Row = {"series": self.name, "kind": self.kind, "method": self.method, "model": self.model}
         row["settings"] = settings
@@ -151,7 +152,7 @@ def _integrator_series(base: Method, usual_scheme: str) -> Iterator[Series]:
             continue
         # with fewer, Newton's method fails at wave fronts
         few, min_steps = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
-        rungs: list[Row] = []
+        rungs: list[Settings] = []
         for settings in settings_ladder(base):
             steps = max(min_steps, settings["steps"] // few)
             rung = settings | {"scheme": scheme, "steps": steps}
@@ -162,7 +163,7 @@ def _integrator_series(base: Method, usual_scheme: str) -> Iterator[Series]:
     yield Series("following-p4 radau", "integrator", sharp, "following-p4")
 
 
-def settings_ladder(method: Method, step_shares: Sequence[float] = SETTINGS["shares"]) -> Iterator[Row]:
+def settings_ladder(method: Method, step_shares: Sequence[float] = SETTINGS["shares"]) -> Iterator[Settings]:
     """A method's settings from coarse to fine, around its defaults.
 
     Steps grow with the resolution, between linearly and as its square; then `step_shares` of them.
@@ -242,12 +243,10 @@ class _Reference:
     def peer_path_errors(self, p: PeerPath, scene: Scene) -> dict[str, float]:
         """Errors of another code's path, dimensionless."""
         t = scene.time_scale * p.t
-        static = np.stack(scene.groups.coordinates(p.s_o))
-        path = static + np.stack([p.u, p.v])  # (2, n)
+        path = np.stack(scene.groups.coordinates(p.s_o)) + np.stack([p.u, p.v])  # (2, n)
         low, high = self.window
         inside = (p.s_o >= low) & (p.s_o <= high) & (t <= self.run.t[-1])
-        our_points = np.stack([self.run.x, self.run.y], axis=1)
-        our_path = CubicSpline(self.run.t, our_points)
+        our_path = CubicSpline(self.run.t, np.stack([self.run.x, self.run.y], axis=1))
         distances = scene.length * path[:, inside] - our_path(t[inside]).T  # (2, n)
         gap = np.hypot(*distances) / self.run.path_scale
         return {"path_error": float(gap.max()), "path_rms": float(np.sqrt(np.mean(gap**2)))}
@@ -290,7 +289,7 @@ class _SeriesTimer:
             new.append(row)
         return new
 
-    def repeat_and_keep_fastest(self, settings: Row, repeats: int, max_seconds: float) -> Row:
+    def repeat_and_keep_fastest(self, settings: Settings, repeats: int, max_seconds: float) -> Row:
         """The row of a run: the best of separate repeats and their spread (slowest over best), as time [s] allows.
 
         Short runs are repeated more often.
@@ -311,7 +310,7 @@ class _SeriesTimer:
         results["repeats"] = len(seconds)
         return self.series.chart_row(settings, **results)
 
-    def _time_run(self, settings: Row) -> tuple[Row, float]:
+    def _time_run(self, settings: Settings) -> tuple[Row, float]:
         """Results and seconds of a run; by tolerance its seconds include all runs up to it."""
         method = self.series.method
         assert method is not None
@@ -330,7 +329,7 @@ class _SeriesTimer:
         results |= self.reference.status_and_errors_of_response(r)
         return results, seconds
 
-    def _time_peer_run(self, settings: Row) -> tuple[Row, float]:
+    def _time_peer_run(self, settings: Settings) -> tuple[Row, float]:
         """Results and seconds of a run of another code, without what others took of the processor."""
         scene = self.scene
         peer = PEERS[self.series.name]
@@ -351,7 +350,7 @@ class _SeriesTimer:
         results["wait"] = own + _import_time(peer.module)
         return results, share * path.seconds
 
-    def _time_command(self, settings: Row) -> tuple[Row, float]:
+    def _time_command(self, settings: Settings) -> tuple[Row, float]:
         """Results and processor time of `cablefem run --tol`, with its bars, files and page."""
         method = self.series.method
         assert method is not None

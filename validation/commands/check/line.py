@@ -103,20 +103,19 @@ def station_values_by_quantity(state: LineState) -> dict[str, StationValues]:
     free_point = np.isnan(case.points_or_nan).any(axis=1)
     free_s = np.isnan(case.s_or_nan)
     length = np.full(n, np.ptp(state.s))
+    compared: dict[str, tuple[Array, np.ndarray]] = {  # values of all stations, and indices of those that count
+        "place": (state.points, np.flatnonzero(free_point)),
+        "rope_place": (state.middle, np.arange(n - 1)),
+        "s": (state.s, np.flatnonzero(free_s)),
+        "rope_length": (length, np.array([n - 1])),
+        "tension_behind": (state.station_tensions[:, 0], np.arange(1, n)),
+        "tension_ahead": (state.station_tensions[:, 1], np.arange(n - 1)),
+        "haul": (state.haul, np.flatnonzero(kinds == "hauled")),
+        "pressure": (state.rope_force_on_stations, np.flatnonzero(kinds == "saddle")),
+    }
     out = {}
-
-    def compare(quantity: str, values: Array, stations: np.ndarray) -> None:
-        names = [case.stations[i].name for i in stations]
-        out[quantity] = StationValues(values[stations], names)
-
-    compare("place", state.points, np.flatnonzero(free_point))
-    compare("rope_place", state.middle, np.arange(n - 1))
-    compare("s", state.s, np.flatnonzero(free_s))
-    compare("rope_length", length, np.array([n - 1]))
-    compare("tension_behind", state.station_tensions[:, 0], np.arange(1, n))
-    compare("tension_ahead", state.station_tensions[:, 1], np.arange(n - 1))
-    compare("haul", state.haul, np.flatnonzero(kinds == "hauled"))
-    compare("pressure", state.rope_force_on_stations, np.flatnonzero(kinds == "saddle"))
+    for quantity, (values, stations) in compared.items():
+        out[quantity] = StationValues(values[stations], [case.stations[i].name for i in stations])
     return out
 
 
@@ -169,7 +168,7 @@ def _bound_by_error_bars(of_catenaries: float, of_elements: float) -> Bound:
     return Bound("error bars", (BoundPart("catenaries", of_catenaries), BoundPart("elements", of_elements)))
 
 
-def _row_of_positions_solved_by_one(both: BothAnswers) -> Agreement | None:
+def _solved_by_one_row(both: BothAnswers) -> Agreement | None:
     """A row `rest` for positions that one solver alone solves: a disagreement, unless a search did not end."""
     alone = []
     for i, pair in enumerate(zip(both.a.positions, both.b.positions, strict=True), start=1):
@@ -202,7 +201,7 @@ def solve_both_refining_elements(line: Line, second: Line, tol: float, tol_tensi
         both = BothAnswers(a, coarser_a, b, coarser_b)
         rows = [row for row in worst_state_rows(both, *both.units_with_tolerances(tol, tol_tension)) if row.bound.parts]
         coarse = any(row.bound.parts[1].value > largest_share * (row.required or 0.0) for row in rows)
-        unsolved = _row_of_positions_solved_by_one(both) is not None  # finer elements do not help
+        unsolved = _solved_by_one_row(both) is not None  # finer elements do not help
         if not coarse or unsolved or n >= FINEST:
             return both
         coarser_b = b
@@ -229,7 +228,7 @@ def check_line(
     result = answer_line(line, rest=both.a)
     result = replace(result, design=_design_with_bars(result.design, designs[1], designs[2]))
     rows = [*worst_state_rows(both, *units), *worst_design_number_rows(designs, *units)]
-    alone = _row_of_positions_solved_by_one(both)
+    alone = _solved_by_one_row(both)
     if alone is not None:
         rows.append(alone)
     rows += line_laws.statics_law_rows(line.to_toml(), both.a)

@@ -20,10 +20,10 @@ from validation.core import store
 from validation.core.sidebyside import Progress
 from validation.oracles import catenary_modes
 
-Row = dict[str, Any]
+ByName = dict[str, Any]
 
 
-def expression_variables(runs: Runs, numbers: Row) -> Row:
+def expression_variables(runs: Runs, numbers: ByName) -> ByName:
     """What expressions and templates may name: `m`, runs, scenes; a scene's name is that of its converged run.
 
     numbers : of `compute_or_load_numbers`.
@@ -34,7 +34,7 @@ def expression_variables(runs: Runs, numbers: Row) -> Row:
     return constants | of_runs | converged | numbers
 
 
-def compute_or_load_numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> Row:
+def compute_or_load_numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> ByName:
     """Numbers beyond runs: figure 2, overshoot beside the mass, energy in free vibration, the outlook's trolley.
 
     file : where they are stored, and read again if scenes and settings are the same.
@@ -51,8 +51,7 @@ def compute_or_load_numbers(runs: Runs, file: Path, report: Progress, quick: boo
         "vibration": lambda: _max_vibration_energies(level.groups),
         "outlook": lambda: outlook.rides_by_thrust_angle(quick),
     }
-    settings = overshoot | {"terms": ladders}, SETTINGS["vibration"], quick
-    conditions = level.to_toml(), inclined.to_toml(), *settings
+    conditions = level.to_toml(), inclined.to_toml(), overshoot | {"terms": ladders}, SETTINGS["vibration"], quick
     keyed = {json.dumps((name, *conditions)): job for name, job in jobs.items()}
     results = store.compute_and_store_missing(file, keyed, lambda job: job(), partial(report, "numbers"))
     return dict(zip(jobs, results.values(), strict=True))
@@ -66,13 +65,13 @@ def _max_vibration_energies(groups: Groups) -> dict[str, float]:
     return {"coarse": energy(coarse), "fine": energy(fine), "kept": energy(coarse, "gauss")}
 
 
-def frequency_convergence(groups: Groups) -> Row:
+def frequency_convergence(groups: Groups) -> ByName:
     """omega_1 against the number of terms in both bases, with the exact and the linear theory's value."""
     exact = catenary_modes.solve_modes(groups.sigma, groups.alpha, groups.c, count=10).omega
     wavelets = [Daubechies(order=4, level=level, reading="literal") for level in range(4)]
     sines = [Fourier(n) for n in (*range(1, 21), 24, 30, 40, 59)]
 
-    def frequencies_of(bases: Sequence[Basis]) -> Row:
+    def frequencies_of(bases: Sequence[Basis]) -> ByName:
         first = [float(scaled_frequencies(groups, basis, n=1)[0]) for basis in bases]
         return {"terms": [basis.n for basis in bases], "omega_1": first}
 

@@ -79,11 +79,11 @@ def _x_shifts_to_reach_s(at_rest: Line, s_by_car: dict[str, Array]) -> dict[str,
     shifts = {name: np.zeros(s.size) for name, s in s_by_car.items()}
     for i, state in at_rest.solve_at_rest(catenary_line.solve).states.items():
         for name, s in s_by_car.items():
-            shifts[name][i] = _x_shift_along_tangent_to_s(state, name, float(s[i]))
+            shifts[name][i] = _x_shift_to_s(state, name, float(s[i]))
     return shifts
 
 
-def _x_shift_along_tangent_to_s(state: LineState, car_name: str, s: float) -> float:
+def _x_shift_to_s(state: LineState, car_name: str, s: float) -> float:
     """Distance in x [m] along the tangent ahead of a car from where it is to s."""
     k = station_index(state, car_name)
     level, down = state.ahead[k].tolist()

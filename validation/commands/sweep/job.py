@@ -118,7 +118,7 @@ def _check_row_with_planted_fault(scene: Scene | Line, key: str | None, tol: flo
     return {"family": scene.name, "fault": fault} | row
 
 
-def _run_row(study: Study, run_options: Row, scene: Scene, index: int) -> Row:
+def _run_row(study: Study, run_options: dict[str, Any], scene: Scene, index: int) -> Row:
     """Results of a run with error bars, by the advised method if none is named; of some scenes also true errors."""
     from validation.core.design import design_numbers
     from validation.core.methods import find_method
@@ -174,7 +174,7 @@ def errors_against_finer_run(scene: Scene, r: Response, finer_factor: int) -> Ro
     steps = max(2400, finer_factor * r.settings.get("steps", 0))
     if r.path_error is None or steps * elements > LARGEST_TRUTH:
         return {}
-    how: Row = {"model": r.model, "load": r.load, "until": measures.WINDOW[1]}
+    how: dict[str, Any] = {"model": r.model, "load": r.load, "until": measures.WINDOW[1]}
     best = run(scene, "following-p2", **how, elements=elements, steps=steps)
     half = run(scene, "following-p2", **how, elements=elements // 2, steps=steps // 2)
     try:
@@ -202,7 +202,7 @@ def response_faults(r: Response) -> list[str]:
     return out
 
 
-def _advised_options(scene: Scene, tol: float) -> Row:
+def _advised_options(scene: Scene, tol: float) -> dict[str, Any]:
     """Simplest model and method that `advise` finds; of a car that rolls, a method that can ride."""
     from validation import advice
 
