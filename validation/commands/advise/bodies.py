@@ -38,6 +38,7 @@ def advise_on_point_masses(line: Line, tol: float, out: Path, report: Progress =
     point_run = points.run(2, 2)
     scales = reference_scales(line, body_run)
     force_tol = FORCES * tol
+    allowed = {"path": tol * scales.path, "tension": force_tol * scales.tension}
     rows: list[Row] = []
     periods: list[Row] = []
     short = 0.1  # period over the duration of a start or stop that a point follows
@@ -56,7 +57,6 @@ def advise_on_point_masses(line: Line, tol: float, out: Path, report: Progress =
             period = _swing_period(table.hanger, line.gravity)
             formulas["haul force"] = _haul_force_error_of_cabin(table.hanger, point, ramp, period)
         periods.append({"car": car.name, "period": period, "ramp": ramp, "short": period <= short * ramp})
-        allowed = {"path": tol * scales.path, "tension": force_tol * scales.tension}
         for need, distance in _max_distances_by_need(body_run, body, point_run, point).items():
             limit = allowed.get(need, force_tol * scales.weights[car.name])
             row: Row = {"car": car.name, "need": need.replace("_", " "), "unit": "m" if need == "path" else "N"}
@@ -93,7 +93,7 @@ def _shortest_start_or_stop(car: Car) -> float:
 
 
 def _swing_period(hanger: Hanger, gravity: float) -> float:
-    """[s], for small angles."""
+    """Period [s] of a cabin that swings through small angles."""
     h = hanger.length
     inertia_per_mass = hanger.gyration**2 + h**2
     return 2.0 * math.pi * math.sqrt(inertia_per_mass / (gravity * h))

@@ -30,14 +30,11 @@ def _map_with_figures_and_counts(m: Map, all_cells: list[Cell]) -> Map:
     """A map with its figures, its cells by class, and these by method."""
     cells = {(c["method"], c["x"], c["y"]): c for c in all_cells if c["map"] == m["name"]}
     classes = [name for name in CLASSES if name != "not computed"]
-    counts = dict.fromkeys(classes, 0)
     rows = []
     for method in m["methods"]:
         of_method = Counter(cell["class"] for cell in cells.values() if cell["method"] == method)
-        row = {name: of_method[name] for name in classes}
-        rows.append({"method": method} | row)
-        for name in classes:
-            counts[name] += row[name]
+        rows.append({"method": method} | {name: of_method[name] for name in classes})
+    counts = {name: sum(row[name] for row in rows) for name in classes}
     figures = [_draw_map(m, method, cells) for method in m["methods"]]
     return m | {"figures": figures, "counts": counts, "rows": rows}
 

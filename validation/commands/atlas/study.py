@@ -95,8 +95,7 @@ def atlas(
 
 
 def _with_every_fifth_value(m: Map) -> Map:
-    thinned = {axis: m[axis] | {"values": m[axis]["values"][1::5]} for axis in "xy"}
-    return m | thinned
+    return m | {axis: m[axis] | {"values": m[axis]["values"][1::5]} for axis in "xy"}
 
 
 def _jobs_by_key(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Callable[[], Any]]:
@@ -134,19 +133,17 @@ def _reference_run_with_error(toml: str) -> tuple[Response, float]:
 
 def run_and_judge_methods_at(m: Map, x: float, y: float) -> list[Cell]:
     """Run every method at a point of a map and judge it; without a scene there, cells that say why."""
-    cells = []
-    for name, fixed in methods_with_fixed_settings(m):
-        cell = {"map": m["name"], "x": x, "y": y, "method": method_label(name, fixed)}
-        cells.append(cell)
-        try:
-            scene = scene_of_cell(m, x, y)
-        except ValueError as error:
-            cell |= dict.fromkeys(("cause", "reached", "error", "slack_onset"))
-            cell |= {"class": "no scene", "reason": str(error)}
-            continue
+    methods = methods_with_fixed_settings(m)
+    cells = [{"map": m["name"], "x": x, "y": y, "method": method_label(*pair)} for pair in methods]
+    try:
+        scene = scene_of_cell(m, x, y)
+    except ValueError as error:
+        none = dict.fromkeys(("cause", "reached", "error", "slack_onset"))
+        return [cell | none | {"class": "no scene", "reason": str(error)} for cell in cells]
+    reference, reference_error = _reference_run_with_error(scene.to_toml())
+    for cell, (name, fixed) in zip(cells, methods, strict=True):
         settings = settings_of_cell(m, x, y, name, fixed)
         r = run(scene, name, **settings)
-        reference, reference_error = _reference_run_with_error(scene.to_toml())
         cell |= {"settings": settings, **judged_cell(r, reference, reference_error)}
     return cells
 

@@ -127,7 +127,7 @@ def _summary_row_of_group(group: str, rows: list[Row]) -> Row:
     bad = "; ".join(_comparison_name(row) for row in deciding if row["verdict"] != "agree")
     if bad:
         text += f" ({bad})"
-    return {"group": group, "verdict": worst_deciding_verdict(deciding), "words": text}
+    return {"group": group, "verdict": worst_verdict(deciding), "words": text}
 
 
 def _comparison_name(row: Row) -> str:

@@ -292,6 +292,7 @@ class LineRuns:
         start: State | None = None
         steps = grid
         steps_on_rail = 6  # coarsest steps of a car on a rail over a shoe
+        shares_of_rail = np.linspace(0.0, 2.0, 2 * steps_on_rail * time_factor + 1)
         while True:
             march = self._march_one_system(system, start, steps, work)
             parts.append(system.observe(march.states, s))
@@ -299,8 +300,7 @@ class LineRuns:
             if march.following is None:
                 break
             system, start = march.following
-            on_rails = np.linspace(0.0, 2.0, 2 * steps_on_rail * time_factor + 1)
-            finer = start.t + shortest_time_on_rail(system, start) * on_rails
+            finer = start.t + shortest_time_on_rail(system, start) * shares_of_rail
             steps = [np.union1d(t, finer[(finer > t[0]) & (finer < t[-1])]) for t in grid]
         motion = join_motions_in_time(parts)
         events = [(event.name, event.t) for event in work.events]
