@@ -60,8 +60,7 @@ def _largest_relative_gap(name: str, a: Response, b: Response, view: View, means
     """Largest gap of a series, over its largest value in b; means : of means over an axial round trip."""
     mean_over = view.axial_round_trip if means else 0.0
     gap = series_gap(a, b, view.window, attrgetter(name), mean_over, largest=True)
-    series = getattr(b, name)
-    return gap / float(np.nanmax(np.abs(series)))
+    return gap / float(np.nanmax(np.abs(getattr(b, name))))
 
 
 def _position_or_speed_gap(a: Response, b: Response, view: View) -> float:
@@ -170,8 +169,7 @@ def advice(scene: Scene, tol: float, report: Progress = no_progress) -> Row:
     content = {"scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "asked": tolerances, "drive": full.drive}
     content |= cheapest.to_json(tolerances)
     content["least"] = {need: rung.name for need, rung in simplest.items()}
-    content["range"] = list(view.window)
-    content["slack_onset"] = full.slack_onset
+    content |= {"range": list(view.window), "slack_onset": full.slack_onset}
     content["wheelbase"] = _wheelbase_at_path_tolerance(full, tolerances["path"])
     content["full"] = rungs[-1].to_json(tolerances)
     content["candidates"] = [rung.to_json(tolerances) for rung in candidates]
@@ -202,8 +200,9 @@ def _refine_full_model_within_budget(
 
     def worst_goal(ladder: Ladder) -> Goal:
         """The need whose bar exceeds its share most."""
-        bars = {need: gap_bar_parts(ladder, view, *NEEDS[need]) for need in tolerances}
-        goals = [Goal(bars[need], SHARE * limit, FIRST) for need, limit in tolerances.items()]
+        goals = []
+        for need, limit in tolerances.items():
+            goals.append(Goal(gap_bar_parts(ladder, view, *NEEDS[need]), SHARE * limit, FIRST))
         return max(goals, key=lambda goal: goal.bar_over_target)
 
     return refine_until_goal_met(scene, ladder, worst_goal, budget=budget, until=view.last_needed_position)
@@ -261,7 +260,7 @@ def _quasi_static_ride_rungs(scene: Scene, full: Response) -> Iterator[Rung]:
         seconds = time.perf_counter() - begin
         gaps = dict.fromkeys(NEEDS_OF_DRIVE["free"], math.inf)
         if model == "quasi-static":
-            gaps |= _path_and_tension_gaps_at_rest(scene, full)
+            gaps |= _gaps_of_statics(scene, full)
         if rolled.sections:
             end = rolled.duration * tau
             t = full.t[full.t <= end] / tau
@@ -284,12 +283,12 @@ def _hauled_statics_rung(scene: Scene, full: Response, view: View) -> Rung:
     mean = uniform_filter1d(full.F_haul, instants, mode="nearest")
     at_rest = np.interp(full.s_o, r.s_o, r.F_haul)
     largest_gap = np.nanmax(np.abs(mean - at_rest))
-    gaps = _path_and_tension_gaps_at_rest(scene, full)
+    gaps = _gaps_of_statics(scene, full)
     gaps["haul force"] = float(largest_gap / np.nanmax(np.abs(full.F_haul)))
     return Rung("statics", "mass", seconds, gaps)
 
 
-def _path_and_tension_gaps_at_rest(scene: Scene, full: Response) -> ByNeed:
+def _gaps_of_statics(scene: Scene, full: Response) -> ByNeed:
     """Distance of the cable at rest from the full run, at equal positions."""
     l = scene.length
     g = scene.groups

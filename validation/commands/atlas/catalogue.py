@@ -54,8 +54,7 @@ def condition_holds(condition: str, values: dict[str, float]) -> bool:
 
 
 def _evaluate(expression: str, **names: Any) -> Any:
-    compiled = page.compile_template_expression(expression)
-    return compiled(**MEASURES, **names)
+    return page.compile_template_expression(expression)(**MEASURES, **names)
 
 
 def level_scene(**groups: float) -> Scene:
@@ -64,16 +63,14 @@ def level_scene(**groups: float) -> Scene:
 
 def run_on_level(method: str, groups: Changes | None = None, **how: Any) -> Response:
     """Run a method, or one with a planted fault, on the level scene; each run is made once."""
-    key = json.dumps([method, groups or {}, how])
-    return _run_of_json_key(key)
+    return _run_of_json_key(json.dumps([method, groups or {}, how]))
 
 
 @cache
 def _run_of_json_key(key: str) -> Response:
     """key : method, groups and settings as JSON, which a cache can compare."""
     method, groups, how = json.loads(key)
-    planted = specimens.PLANTED.get(method, method)
-    return running.run(level_scene(**groups), planted, **how)
+    return running.run(level_scene(**groups), specimens.PLANTED.get(method, method), **how)
 
 
 def relative_path_gap(

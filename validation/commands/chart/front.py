@@ -23,8 +23,7 @@ def pareto_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> li
 
 def our_pareto_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
     """The same among our methods and schemes on the full cable."""
-    ours = [r for r in rows if r["kind"] in OURS]
-    return pareto_rows(ours, quantity, work)
+    return pareto_rows([r for r in rows if r["kind"] in OURS], quantity, work)
 
 
 def seconds_at_error(rows: list[Row], error: float, quantity: str = "path") -> float | None:

@@ -122,10 +122,8 @@ class Check:
         content |= {"scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window)}
         content |= {"axis": View.of_scene(self.scene).axis, "tol": self.tol, "methods": self.methods}
         content["rows"] = [row.to_json() for row in self.rows]
-        content["design"] = self.design
-        content["verification"] = self.verification
-        content["events"] = self.a.finest.events
-        content["quasi_static"] = self.quasi_static
+        content |= {"design": self.design, "verification": self.verification}
+        content |= {"events": self.a.finest.events, "quasi_static": self.quasi_static}
         content["doubts"] = [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts]
         return content
 

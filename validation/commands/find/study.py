@@ -109,7 +109,7 @@ class FindResult:
         changes = [{name: getattr(change, name) for name in names} for change in self.changes]
         first = changes[0] if changes else dict.fromkeys(names)
         content: Row = {"key": self.key}
-        content |= {name: first[name] for name in names[:4]}
+        content |= {name: first[name] for name in ("value", "bar", "holds_at", "fails_at")}
         content |= {"condition": self.condition, "sentence": self.sentence, "changes": changes}
         content |= {"evaluations": self.tried_rows, "check": first["verdict"]}
         return content

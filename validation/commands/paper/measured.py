@@ -184,8 +184,7 @@ def reflected_front_meeting_position(r: Response) -> float:
         return 2.0 - x[0] - float(mass(t))
 
     distance_to_mass.terminal = True  # type: ignore[attr-defined]
-    tolerances = {"rtol": 1e-6, "atol": 1e-8}
-    front = solve_ivp(front_speed, (0.0, end), [0.0], events=distance_to_mass, max_step=f.t[0], **tolerances)
+    front = solve_ivp(front_speed, (0.0, end), [0.0], events=distance_to_mass, rtol=1e-6, atol=1e-8, max_step=f.t[0])
     times = front.t_events[0]
     return float(mass(times[0])) if times.size else math.nan
 

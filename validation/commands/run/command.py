@@ -102,7 +102,7 @@ def _run_and_report(
     from validation.page import printing, report
 
     scene = point.scene
-    folder = store.claim_and_clear_folder(out, "run", point.scene, [name])
+    folder = store.claim_and_clear_folder(out, "run", scene, [name])
     with terminal.progress_bars() as progress:
         r, missed_tolerance = answer_at(point, partial(progress, name))
         r.summary()  # bars are computed when they are looked at

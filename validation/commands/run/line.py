@@ -366,7 +366,7 @@ def _position_count_text(count: int) -> str:
 def _car_positions_text(extreme: Row) -> str:
     """Where the cars are at an extreme number, as the end of a sentence."""
     cars = ", ".join(f"{name} at {x:.0f} m" for name, x in extreme["at"].items())
-    return cars and f" with {cars}"
+    return f" with {cars}" if cars else ""
 
 
 def _collision_text(clearance: Row) -> str:

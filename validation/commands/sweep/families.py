@@ -8,7 +8,7 @@ import itertools
 import math
 import tomllib
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import tomli_w
@@ -167,29 +167,24 @@ def line_over_saddles(draw: Draw) -> Line:
         cable["tension"] = {"at": "contact0", "value": T}
     else:
         contacts[-1 if draw(0.0, 1.0) < 0.5 else 0] |= {"kind": "counterweight", "tension": T}
-    along = [0.0]
+    contact_x = [point[0] for point in points]
+    contact_s = [0.0]
     for a, b in itertools.pairwise(points):
-        along.append(along[-1] + math.dist(a, b))
-    positions = [ContactPosition(x, s) for (x, _), s in zip(points, along, strict=True)]
-    cars = [_random_car_table(draw, "first", T, *positions[:2])]
+        contact_s.append(contact_s[-1] + math.dist(a, b))
+    cars = [_random_car_table(draw, "first", T, contact_x[:2], contact_s[:2])]
     if draw(0.0, 1.0) < 0.5:
-        cars.append(_random_car_table(draw, "second", T, *positions[-2:]))
+        cars.append(_random_car_table(draw, "second", T, contact_x[-2:], contact_s[-2:]))
     tables: Tables = {"cable": cable, "contact": contacts, "car": cars}
     return Line(name="spans", **tables)
 
 
-class ContactPosition(NamedTuple):
-    x: float
-    s: float  # along the chords
+def _random_car_table(draw: Draw, name: str, rope_tension: float, x: list[float], s: list[float]) -> Tables:
+    """A car that goes 0.3 to 0.6 of the way between two contacts, either way: in x if it is hauled, else in s.
 
-
-def _random_car_table(
-    draw: Draw, name: str, rope_tension: float, left: ContactPosition, right: ContactPosition
-) -> Tables:
-    """A car that goes 0.3 to 0.6 of the way between two contacts, either way: in x if it is hauled, else in s."""
+    x, s : of both contacts, s along the chords.
+    """
     hauled = draw(0.0, 1.0) < 0.5
-    low = left.x if hauled else left.s
-    high = right.x if hauled else right.s
+    low, high = x if hauled else s
     shares = draw(0.15, 0.35), draw(0.65, 0.85)
     first, last = (low + share * (high - low) for share in shares)
     if draw(0.0, 1.0) >= 0.5:
