@@ -98,9 +98,9 @@ class Trolley(CarBody):
         drive = car.drive
         ahead, below = drive.hitch if drive.mode == "haul" else drive.thrust_at
         forward = math.cos(drive.thrust_angle)
-        up = -math.sin(drive.thrust_angle)
-        self.thrust_axes = forward, up  # of a unit force
-        self.lever = ahead * up - below * forward
+        down = -math.sin(drive.thrust_angle)
+        self.thrust_axes = forward, down  # of a unit force
+        self.lever = ahead * down - below * forward
 
     def brake_forces_of_wheels(self, s: Any) -> Array:
         rear = np.asarray(self.car.drive.rear_brake_force(s))
