@@ -20,7 +20,7 @@ Array = np.ndarray
 Pair = tuple[float, float]
 
 
-Weights = tuple[float, float, float]  # c0 dr/dq + c1 dr/dv + c2 dr/da
+RealTangentFactors = tuple[float, float, float]  # c0 dr/dq + c1 dr/dv + c2 dr/da
 
 
 class Points(NamedTuple):
@@ -236,7 +236,7 @@ def add_inertia_and_gripping_mass(at_mass: MassTerms, coefficients: Coefficients
 
 @inner
 def set_tangent_with_gripping_mass(
-    now: Instant, sines: CableSines, weighted_stiffness: Array, c: Weights, K: Array
+    now: Instant, sines: CableSines, weighted_stiffness: Array, c: RealTangentFactors, K: Array
 ) -> None:
     """Set K (2 n, 2 n) to the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass."""
     terms = now.at_mass.inertia

@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from galerkin.kernels.cable import Array, Weights, add_inertia_and_mass_force, displacement_acceleration_on_path
+from galerkin.kernels.cable import (
+    Array,
+    RealTangentFactors,
+    add_inertia_and_mass_force,
+    displacement_acceleration_on_path,
+)
 from galerkin.kernels.dense import set_product
 from galerkin.kernels.instant import (
     CableSines,
@@ -93,7 +98,7 @@ class CarInputs(NamedTuple):
     thrust: float  # or the haul force
 
 
-class CarMotion(NamedTuple):
+class MotionAtCar(NamedTuple):
     """Motion of the car, and the cable beside it."""
 
     velocity: Array  # p. (2,)
@@ -228,7 +233,7 @@ def car_velocity_acceleration_and_slopes(
 
 
 @inner
-def car_motion_by_equilibrium(inputs: CarInputs) -> CarMotion:
+def car_motion_by_equilibrium(inputs: CarInputs) -> MotionAtCar:
     """`car_velocity_acceleration_and_slopes` with r' by the tension from equilibrium.
 
     Slopes of sines are inaccurate on a short side.
@@ -255,7 +260,7 @@ def car_motion_by_equilibrium(inputs: CarInputs) -> CarMotion:
         if ratios[side] != 0.0:
             slopes[side, 0] = ratios[side] * force[0]
             slopes[side, 1] = ratios[side] * force[1]
-    return CarMotion(velocity, p, slopes, ratios)
+    return MotionAtCar(velocity, p, slopes, ratios)
 
 
 @inner
@@ -353,7 +358,7 @@ def defect_derivatives_by_forces(inputs: CarInputs, defect: float) -> Array:
 
 @inner
 def set_tangent_row_of_car(
-    now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: Weights
+    now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: RealTangentFactors
 ) -> None:
     """Set the car's row of the tangent, last of `Workspace.K`."""
     at_mass = now.at_mass
@@ -400,7 +405,7 @@ def complete_residual_with_car(
 
 @inner
 def complete_tangent_with_car(
-    now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: Weights
+    now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: RealTangentFactors
 ) -> None:
     """Set row and column of the car in K of `Workspace`; car : of `complete_residual_with_car`.
 

@@ -10,7 +10,7 @@ import numpy as np
 from galerkin.kernels import rolling
 from galerkin.kernels.cable import (
     Array,
-    Weights,
+    RealTangentFactors,
     add_inertia_and_gripping_mass,
     set_forces_return_energy,
     set_tangent_with_gripping_mass,
@@ -183,7 +183,9 @@ def has_prescribed_position(ride: Ride | None) -> bool:
 
 
 @inner
-def set_tangent(now: Instant, ride: Ride | None, sines: CableSines, workspace: Workspace, car: Car, c: Weights) -> None:
+def set_tangent(
+    now: Instant, ride: Ride | None, sines: CableSines, workspace: Workspace, car: Car, c: RealTangentFactors
+) -> None:
     """Set K of `Workspace`; car : of `set_residual_return_car`."""
     n = now.at_mass.inertia.f.size
     set_tangent_with_gripping_mass(now, sines, workspace.weighted_stiffness, c, workspace.K[: 2 * n, : 2 * n])
