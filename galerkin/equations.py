@@ -249,15 +249,15 @@ class GalerkinSystem(System):
         before = self.instant(t, state.phase)
         x = self.instant(t, phase)
         Q = self._coefficients_by_field(state.q)
-        after = x.inertia_terms
-        earlier = before.inertia_terms
-        kick = Q @ (after.f_q - earlier.f_q)
-        balance = np.multiply.outer(self.mu * (kick + x.load - before.load), after.f)
+        terms = x.inertia_terms
+        terms_before = before.inertia_terms
+        kick = Q @ (terms.f_q - terms_before.f_q)
+        balance = np.multiply.outer(self.mu * (kick + x.load - before.load), terms.f)
         if self.kink:
-            balance += np.multiply.outer(Q[:, -1], after.centrifugal - earlier.centrifugal)
-        mass = after.mass + self.mu * np.multiply.outer(after.f, after.f)
+            balance += np.multiply.outer(Q[:, -1], terms.centrifugal - terms_before.centrifugal)
+        mass = terms.mass + self.mu * np.multiply.outer(terms.f, terms.f)
         jump = -np.linalg.solve(mass, balance.T).T
-        jump_at_mass = jump @ after.f + kick
+        jump_at_mass = jump @ terms.f + kick
         a = state.a + np.concatenate([jump.ravel(), jump_at_mass])
         return State(t, state.q, state.v, a, phase)
 

@@ -99,7 +99,6 @@ class LineEquations:
         of_rope = RopeDerivatives(rope.row_derivatives_until_next_call(), rope.end_slope_derivatives)
         K = self._tangent
         K[:] = 0.0
-
         row = 0
         for i, shapes in enumerate(layout.functions_of):
             block = of_rope.rows[:, i, :-2].reshape(3, 2 * layout.functions, -1)[:, shapes]

@@ -250,11 +250,11 @@ def _points_and_tensions(rope: Rope, coordinates: Array, s: Array, integration: 
     """
     layout = rope.layout
     n = len(coordinates)
-    contacts = coordinates[:, layout.s]
+    contact_s = coordinates[:, layout.s]
     row = np.arange(n)[:, None]
-    i = np.sum(contacts[:, 1:-1, None] < s, axis=1)  # segments (n, m)
+    i = np.sum(contact_s[:, 1:-1, None] < s, axis=1)  # segments (n, m)
     h = rope.h[0, row, i]  # (n, m, 1)
-    xi = (s - contacts[row, i]) / h[..., 0]
+    xi = (s - contact_s[row, i]) / h[..., 0]
     u = coordinates[:, layout.columns[:, :-2]].reshape(n, layout.segments, -1, 2)
     B = basis_functions_and_derivatives(xi.ravel(), layout.terms)[0].reshape(n, s.size, -1)
     points = (B[..., None, :] @ u[row, i])[..., 0, :]

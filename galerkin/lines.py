@@ -70,7 +70,6 @@ class LineSines(System):
         self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
         self.watched = WatchedEvents(line, bodies, self.cars)
         self.events = self.watched.names
-
         self.off_rope = self._cars_off_rope()
         self._acting_off_rope = [car for car in self.off_rope.values() if car.acts_in_rows]
         self._prescribed: dict[tuple[float, int], Array] = {}

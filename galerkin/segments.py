@@ -289,13 +289,13 @@ class Rope:
         """
         out = self.layout.blocks
         out[:] = 0.0
-        self._add_derivatives_by_functions(out[..., :-2])
+        self._set_derivatives_by_functions(out[..., :-2])
         for side in range(2):
             out[..., side - 2] = self._derivatives_by_end_position(side)
         return out
 
-    def _add_derivatives_by_functions(self, out: Array) -> None:
-        """Add those by the coefficients of the functions, (3, S, M, 2, 2 M)."""
+    def _set_derivatives_by_functions(self, out: Array) -> None:
+        """Set those by the coefficients of the functions in `out` (3, S, M, 2, 2 M), zero before."""
         tables = self.layout.tables
         h = self.h[0]  # (S, 1)
         mass = self.layout.line.rope.mass_per_length * h

@@ -276,7 +276,7 @@ def _orthonormal_functions(order: int, level: int, reading: Reading) -> _SumsOfS
     left = solve_triangular(mother.left, U[:edge], lower=True, trans="T")
     right = solve_triangular(mother.right, U[-edge:], lower=True, trans="T")
     c = sqrt(2**level * (2 * order - 1)) * np.concatenate([left, U[edge:-edge], right])
-    rounding = _sums_of_shifts_from_derivative(order, level, c)(np.array([1.0]), -1)  # at s = 1, else 0
+    rounding = _sums_of_shifts_from_derivative(order, level, c)(np.array([1.0]), -1)  # they vanish at s = 1 but for it
     return _sums_of_shifts_from_derivative(order, level, c - rounding)
 
 
@@ -333,14 +333,8 @@ class Daubechies:
     def values_derivatives_primitives(self, s: float) -> np.ndarray:
         """phi, phi', phi'' (0 where it does not exist) and two primitives at one s, (5, n)."""
         x = np.array([s])
-        rows = np.zeros((5, self.n))
-        rows[0] = self.phi(x)[0]
-        rows[1] = self.phi(x, 1)[0]
-        if self.has_second_derivative:
-            rows[2] = self.phi(x, 2)[0]
-        rows[3] = self.phi(x, -1)[0]
-        rows[4] = self.phi(x, -2)[0]
-        return rows
+        second = self.phi(x, 2) if self.has_second_derivative else np.zeros((1, self.n))
+        return np.concatenate([self.phi(x), self.phi(x, 1), second, self.phi(x, -1), self.phi(x, -2)])
 
     def phi(self, s: np.ndarray, derivative: Literal[-2, -1, 0, 1, 2] = 0) -> np.ndarray:
         """A derivative of phi of this order, (n_s, n); primitives for a negative one."""

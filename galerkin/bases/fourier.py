@@ -168,8 +168,7 @@ class Fourier:
         """int phi_m phi_n ds."""
         k = np.arange(1, self.n + 1)
         difference = np.subtract.outer(k, k)
-        couples = 1.0 * (np.abs(difference) == 2)
-        couples[0, 0] = -1.0
+        couples = 1.0 * (np.abs(difference) == 2) - (np.add.outer(k, k) == 2)
         return 0.5 * (difference == 0) - 0.25 * self.grading * couples
 
     def stiffness_matrix(self) -> np.ndarray:
