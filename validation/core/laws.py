@@ -146,27 +146,25 @@ DefectOf = Callable[[Evidence], Defect]
 class Law:
     defect: DefectOf
     concerns: Callable[[Evidence], bool]
-    quantity: str  # of the row
-    tolerance_kind: str  # "rest" or "velocity" (`rows.tolerance_of_kind`); "" if only shown
-    exact: bool  # to rounding in every run
-    at_start: bool  # of the point (x, y) at which the car starts
+    quantity: str = "laws_si"  # of the row
+    tolerance_kind: str = "rest"  # or "velocity" (`rows.tolerance_of_kind`); "" if only shown
+    exact: bool = False  # to rounding in every run
+    at_start: bool = False  # of the point (x, y) at which the car starts
 
 
 LAWS: dict[str, Law] = {}
 
 
 def _register_law(
-    name: str,
-    concerns: Callable[[Evidence], bool] = lambda evidence: True,
-    quantity: str = "laws_si",
-    tolerance_kind: str = "rest",
-    exact: bool = False,
-    at_start: bool = False,
+    name: str, concerns: Callable[[Evidence], bool] = lambda evidence: True, **options: Any
 ) -> Callable[[DefectOf], DefectOf]:
-    """Decorate the defect of a law: put it into `LAWS` under the name that rows and files show."""
+    """Decorate the defect of a law: put it into `LAWS` under the name that rows and files show.
+
+    options : other fields of the `Law`.
+    """
 
     def register(defect: DefectOf) -> DefectOf:
-        LAWS[name] = Law(defect, concerns, quantity, tolerance_kind, exact, at_start)
+        LAWS[name] = Law(defect, concerns, **options)
         return defect
 
     return register
