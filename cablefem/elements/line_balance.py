@@ -201,20 +201,18 @@ class LineBalance(LineCoordinates):
         return sign * (N + N**2 / (2.0 * EA) + entering)
 
     def slopes_and_motion_at_cars(self, x: Coordinates) -> Array:
-        """Slopes beside each car, its v and a, F/M and the swing (cars, INPUTS), for `bodies.forces_on_cars`."""
-        out = np.zeros((len(self.cars), INPUTS))
-        if self.cars:
-            k = np.array(self.cars)
-            motion = self.segment_motion(x)
-            left, right = self.segments.slopes_at_ends(motion)
-            out[:, 0:2] = right[k - 1]
-            out[:, 2:4] = left[k]
-            out[:, 4:6] = motion.v[k, 0]
-            out[:, 6:8] = motion.a[k, 0]
-            out[self.of_force, 8] = x.a[self.force]
-            out[self.of_swing, 9] = x.q[self.swing]
-            out[self.of_swing, 10] = x.v[self.swing]
-            out[self.of_swing, 11] = x.a[self.swing]
+        """Slopes beside each car, its v and a, F/M and the swing (..., cars, INPUTS), for `bodies.forces_on_cars`."""
+        k = np.array(self.cars, int)
+        left, right = self.slopes_at_segment_ends(x.q)
+        out = np.zeros((*x.q.shape[:-1], k.size, INPUTS))
+        out[..., 0:2] = right[..., k - 1, :]
+        out[..., 2:4] = left[..., k, :]
+        out[..., 4:6] = x.v[..., self.xy[k]]
+        out[..., 6:8] = x.a[..., self.xy[k]]
+        out[..., self.of_force, 8] = x.a[..., self.force]
+        out[..., self.of_swing, 9] = x.q[..., self.swing]
+        out[..., self.of_swing, 10] = x.v[..., self.swing]
+        out[..., self.of_swing, 11] = x.a[..., self.swing]
         return out
 
     def car_loads_and_masses(self, t: Array | float, phase: int) -> CarLoadsAndMasses:
@@ -299,8 +297,7 @@ class LineBalance(LineCoordinates):
         """`tangent_solver` by numpy and a sparse factorisation."""
         law, cars = rope_and_cars
         of_segments = self.segments.tangent(self.segment_motion(x), Law(*law), c)
-        xy = 2 * self.nodes[..., None] + np.arange(2)  # (K, nn, 2)
-        of_nodes = xy.reshape(len(xy), -1)
+        of_nodes = self.xy_of_nodes.reshape(len(self.nodes), -1)
         slots = np.column_stack([of_nodes, self.s[:-1], self.s[1:]])  # (K, m)
         matrix = DenseMatrix(np.zeros((self.size, self.size), of_segments.dtype))
         np.add.at(matrix.matrix, (slots[:, :, None], slots[:, None, :]), of_segments)
@@ -356,16 +353,15 @@ class LineBalance(LineCoordinates):
         """Derivatives (INPUTS, size) of slopes and motion of car i by all coordinates, times the factors c."""
         c0, c1, c2 = c
         k = self.cars[i]
-        motion = self.segment_motion(x)
-        slopes = self.segments.slopes_at_ends(motion)
+        slopes = self.slopes_at_segment_ends(x.q)
         out = np.zeros((INPUTS, self.size), dtype)
         for side in range(2):  # behind, ahead
             j = k - 1 + side
             end = 1 - side
-            per_h = c0 / motion.h[j, 0]
+            per_h = c0 / (x.q[self.s[j + 1]] - x.q[self.s[j]])
             for axis in range(2):
                 row = out[2 * side + axis]
-                row[2 * self.nodes[j] + axis] = per_h * self.segments.end_slopes[end]
+                row[self.xy_of_nodes[j, :, axis]] = per_h * self.segments.end_slopes[end]
                 by_s = per_h * slopes[end, j, axis]
                 row[self.s[j]] += by_s
                 row[self.s[j + 1]] -= by_s

@@ -57,6 +57,7 @@ class LineCoordinates(System):
     def _number_slots(self) -> None:
         """Number contacts of cars and supports, and the slots of s and F/M."""
         self.xy = 2 * self.node[:, None] + np.arange(2)  # slots of x and y of the contacts, (contacts, 2)
+        self.xy_of_nodes = 2 * self.nodes[..., None] + np.arange(2)  # of the nodes of segments, (K, nn, 2)
         self.s = 2 * self.n + np.arange(self.node.size)  # slots of s of the contacts
         self.cars: list[int] = []  # contact of each car; of two wheels the front one
         self.supports: list[int] = []  # contact of each support
@@ -178,7 +179,12 @@ class LineCoordinates(System):
         return values[: 2 * self.n].reshape(-1, 2)
 
     def segment_motion(self, coordinates: Coordinates) -> Motion:
-        """Motion of the segments at one instant; coordinates : (size,) each."""
-        nodal = [self.node_points(z)[self.nodes] for z in coordinates]
+        """Motion of the segments; coordinates : (..., size) each."""
+        nodal = [z[..., self.xy_of_nodes] for z in coordinates]
         ends = np.stack([self.s[:-1], self.s[1:]], axis=1)  # slots (K, 2)
-        return Motion(*nodal, *(z[ends] for z in coordinates))
+        return Motion(*nodal, *(z[..., ends] for z in coordinates))
+
+    def slopes_at_segment_ends(self, q: Array) -> Array:
+        """r' at the left and at the right end of the segments, (2, ..., K, 2); q : (..., size)."""
+        h = np.diff(q[..., self.s])[..., None]
+        return np.einsum("en,...kna->e...ka", self.segments.end_slopes, q[..., self.xy_of_nodes]) / h

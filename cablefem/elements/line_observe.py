@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cablefem.elements.bodies import CarLoadsAndMasses, ForcesOnCars, forces_on_cars
+from cablefem.elements.line_coordinates import Coordinates
 from cablefem.elements.off_rope import CarOffRope
 from cablefem.elements.segments import Motion, dot
 from cablefem.elements.trolley import Trolley
@@ -36,24 +37,25 @@ class _History:
         self.t = np.array([x.t for x in states])
         self.phase = [x.phase for x in states]
         self.none = np.full(self.t.size, np.nan)
-        self.coordinates = [system.coordinates_from_unknowns(*x) for x in states]
-        self.q, self.v, self.a = np.stack(self.coordinates, axis=1)  # (n, size)
-        motions = [system.segment_motion(z) for z in self.coordinates]
-        self.motion = Motion(*map(np.concatenate, zip(*motions, strict=True)))  # of n K segments
+        coordinates = [system.coordinates_from_unknowns(*x) for x in states]
+        self.q, self.v, self.a = self.coordinates = Coordinates(*np.stack(coordinates, axis=1))  # (n, size)
+        motion = system.segment_motion(self.coordinates)
+        self.motion = Motion(*(x.reshape(-1, *x.shape[2:]) for x in motion))  # of n K segments
         self.points = self.segments.fields_of_motion(self.motion)
         nodal_rows, end_rows = self.segments.node_and_end_rows(self.points)
         self.end_rows = self.split_by_time(end_rows)  # (2, n, K) of s
-        self._set_end_forces(nodal_rows, self.segments.slopes_at_ends(self.motion))
+        self._set_end_forces(nodal_rows)
 
     def split_by_time(self, values: Array) -> Array:
         """(e, n K, ...) as (e, n, K, ...)."""
         return values.reshape(2, self.t.size, -1, *values.shape[2:])
 
-    def _set_end_forces(self, nodal_rows: Array, end_slopes: Array) -> None:
+    def _set_end_forces(self, nodal_rows: Array) -> None:
         """N t at the ends of the segments (2, n, K, 2), by their balance, and rows of the end nodes."""
         ds = self.motion.ds.T[..., None]
         v = self.motion.v[:, [0, -1]].swapaxes(0, 1)
-        flow = self.segments.rho * ds * (v - ds * end_slopes)
+        slopes = self.system.slopes_at_segment_ends(self.q).reshape(v.shape)
+        flow = self.segments.rho * ds * (v - ds * slopes)
         rows = nodal_rows[:, [0, -1]].swapaxes(0, 1)
         at_left = -(rows[0] + flow[0])
         at_right = rows[1] - flow[1]
@@ -201,7 +203,7 @@ def _car_motions_and_powers(x: _History) -> tuple[list[CarMotion], Powers]:
     if not system.cars:
         return [], {}
     data = _car_loads_and_masses_over_time(x)
-    slopes_and_motion = np.array([system.slopes_and_motion_at_cars(z) for z in x.coordinates])
+    slopes_and_motion = system.slopes_and_motion_at_cars(x.coordinates)
     cars = _CarsInMotion(data, slopes_and_motion, forces_on_cars(data, slopes_and_motion))
     trolleys = {trolley.i: trolley for trolley in system.trolleys}
     motions = []

@@ -204,6 +204,3 @@ class Segments:
         slopes = polyval(local, polyder(coefficients))
         return ElementShapes(self.dofs[element], polyval(local, coefficients), slopes)
 
-    def slopes_at_ends(self, motion: Motion) -> Array:
-        """r' at the left and at the right end, (2, K, 2)."""
-        return np.einsum("en,kna->eka", self.end_slopes, motion.r) / motion.h
