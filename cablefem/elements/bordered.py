@@ -25,10 +25,6 @@ class DenseMatrix:
         """Add a block (rows, columns)."""
         self.matrix[np.ix_(rows, columns)] += block
 
-    def add_entry(self, row: int, column: int, value: complex) -> None:
-        """Add one entry."""
-        self.add_block([row], [column], np.array([[value]]))
-
     def add_multiple_of_row(self, source: int, to: int, factor: complex = 1.0) -> None:
         """Add a factor times row `source` to another row."""
         self.matrix[to] += factor * self.matrix[source]
@@ -80,10 +76,6 @@ class BandMatrix:
             self.rows[i - self.n, j] += block
         else:
             self.corner[i - self.n, j - self.n] += block
-
-    def add_entry(self, row: int, column: int, value: complex) -> None:
-        """Add one entry."""
-        self.add_block([row], [column], np.array([[value]]))
 
     def _columns_in_band(self, i: int) -> NDArray[np.intp]:
         """Numbers within the band beside i < n."""
@@ -138,16 +130,21 @@ class BandMatrix:
         factor, substitute = get_lapack_funcs(("gbtrf", "gbtrs"), (self.ab,))
         lu, pivots, _ = factor(self.ab, self.b, self.b, overwrite_ab=True)
         from_border = substitute(lu, self.b, self.b, self.columns, pivots)[0]
-        condensed = self.corner - self.rows @ from_border
-        schur = np.linalg.inv(condensed)
+        schur = self.corner - self.rows @ from_border
+        inverse = np.linalg.inv(schur)
 
         def solve(b: Array) -> Array:
             inner = substitute(lu, self.b, self.b, b[: self.n], pivots)[0]
             remaining = b[self.n :] - self.rows @ inner
-            border = schur @ remaining
+            border = inverse @ remaining
             return np.concatenate([inner - from_border @ border, border])
 
         return solve
 
 
 Matrix = DenseMatrix | BandMatrix
+
+
+def add_entry(matrix: Matrix, row: int, column: int, value: complex) -> None:
+    """Add one entry."""
+    matrix.add_block([row], [column], np.array([[value]]))

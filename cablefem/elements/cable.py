@@ -349,7 +349,7 @@ class CableElements(System):
         slope = bend * (s - 0.5)
         return depth[..., None], slope[..., None], bend[..., None]
 
-    def _inertia_less_weight_on_static_shape(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
+    def _inertia_less_weight_of_mass(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
         """Force of a mass that follows the static shape, mu d2X/dt2 less its weight, of each field."""
         mu = self.inertia
         weight = self.weight

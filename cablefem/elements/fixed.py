@@ -75,10 +75,10 @@ class FixedElements(CableElements):
         dofs, N, N_s, _ = self._unknowns_and_shape_functions_ahead(s_o)
         static_slope = self.static_shape_and_derivatives(s_o)[1]
         slope_jump = jump * N_s @ state.q[dofs]
-        a_jump = np.zeros(self.fields * self.n_scalar)
-        a_jump[dofs] = -self.inertia * np.outer(N, jump * static_slope + slope_jump)
+        load = np.zeros(self.fields * self.n_scalar)
+        load[dofs] = -self.inertia * np.outer(N, jump * static_slope + slope_jump)
         _, solve = super().linearise(t, state.q, state.v, state.a, phase, ACCELERATION_ONLY)
-        solve(a_jump)  # in place
+        a_jump = solve(load)
         of_particle = N @ a_jump[dofs] + slope_jump
         a = state.a + np.append(a_jump, of_particle)
         return State(t, state.q, state.v, a, phase)
@@ -169,7 +169,7 @@ class FixedElements(CableElements):
 
     def _kinematics_and_load(self, t: Array, phase: int) -> Array:
         kinematics = self.motion.positions_with_rates(t.ravel(), phase)
-        load = self._inertia_less_weight_on_static_shape(*kinematics)
+        load = self._inertia_less_weight_of_mass(*kinematics)
         zero = np.zeros(t.size)
         columns = [zero + 1.0, zero, zero, *load]
         return np.stack(columns, axis=1).reshape(*t.shape, -1)

@@ -76,9 +76,9 @@ class FollowingElements(CableElements):
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
         if ds > 0.0:
-            node_a = -np.array(self._inertia_less_weight_on_static_shape(0.0, ds, dds)) / inertia
+            node_a = -np.array(self._inertia_less_weight_of_mass(0.0, ds, dds)) / inertia
         elif dds > 0.0:
-            load = np.array(self._inertia_less_weight_on_static_shape(0.0, 0.0, dds))
+            load = np.array(self._inertia_less_weight_of_mass(0.0, 0.0, dds))
             node_a = dds * self._entry_slope_behind(inertia * dds, load)
         else:
             raise ValueError("the travel starts with neither speed nor acceleration")
@@ -139,7 +139,7 @@ class FollowingElements(CableElements):
         kinematics = self.motion.positions_with_rates(t.ravel(), phase)
         if not (kinematics[0].min() > 0.0 and kinematics[0].max() < 1.0):
             raise ValueError("a side of the following mesh has no length at an end of the travel")
-        load = self._inertia_less_weight_on_static_shape(*kinematics)
+        load = self._inertia_less_weight_of_mass(*kinematics)
         columns = [*kinematics, *load]
         return np.stack(columns, axis=1).reshape(*t.shape, -1)
 

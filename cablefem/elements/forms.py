@@ -136,6 +136,6 @@ def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int)
 
     r = r[np.argsort(number)[2:-2]]  # without the supports
     at_mass = [2 * system.node, 2 * system.node + 1]
-    load = system._inertia_less_weight_on_static_shape(s_o, ds, dds)
+    load = system._inertia_less_weight_of_mass(s_o, ds, dds)
     r[at_mass] += system.inertia * x[2, at_mass] + load
     return r

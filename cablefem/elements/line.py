@@ -48,7 +48,7 @@ def weak_force(eta, w):
 
 
 @skfem.LinearForm
-def weak_force_derivative_by_piece_length(eta, w):
+def weak_force_derivative_by_length(eta, w):
     """d/dh of `weak_force`."""
     return -w.EA * w.lam / w.h * _dot_slope(w.t, eta) - w.q * eta[1]
 
@@ -63,14 +63,14 @@ def weak_force_derivative_by_r(phi, eta, w):
 
 
 @skfem.Functional
-def energy_derivative_by_piece_length(w):
+def energy_derivative_by_length(w):
     """Equation of h."""
     return w.a * (w.W - w.N * w.lam) - w.q * w.y
 
 
 @skfem.Functional
-def energy_second_derivative_by_piece_length(w):
-    """d/dh of `energy_derivative_by_piece_length`."""
+def energy_second_derivative_by_length(w):
+    """d/dh of `energy_derivative_by_length`."""
     return w.a * w.EA * w.lam**2 / w.h
 
 
@@ -280,16 +280,16 @@ class _LineBatch:
         tangent = slope / length
         return data | {"lam": lam, "N": N, "W": W, "t": tangent, "y": u[1]}
 
-    def energy_derivatives_by_nodes_and_lengths(self, fields: Fields) -> Array:
+    def energy_gradient(self, fields: Fields) -> Array:
         """z = (f, g) by the nodes and by h; fields : see `form_data`."""
-        of_elements = energy_derivative_by_piece_length.elemental(self.basis, **fields)
+        of_elements = energy_derivative_by_length.elemental(self.basis, **fields)
         f = weak_force.assemble(self.basis, **fields)
         g = of_elements.reshape(self.pieces, -1).sum(axis=1)
         return np.concatenate([f, g])
 
     def residual_and_condition_slopes(self, X: Array, fields: Fields) -> tuple[Array, Array]:
         """The residual (size,), and the derivatives of `_condition_values_and_derivatives`."""
-        z = self.energy_derivatives_by_nodes_and_lengths(fields)
+        z = self.energy_gradient(fields)
         value, slope = self._condition_values_and_derivatives(z)
         R = self.B @ z + self.spring * X + self.load
         R[self.rows] = value
@@ -297,12 +297,12 @@ class _LineBatch:
 
     def tangent(self, fields: Fields, condition_slopes: Array) -> Any:
         """Derivatives of the residual, sparse (size, size)."""
-        by_length = weak_force_derivative_by_piece_length.assemble(self.basis, **fields)
+        by_length = weak_force_derivative_by_length.assemble(self.basis, **fields)
         piece = np.empty(self.basis.N, int)
         piece[self.basis.element_dofs] = np.repeat(np.arange(self.pieces), self.elements)
         positions = np.arange(piece.size), piece
         C = coo_matrix((by_length, positions), (piece.size, self.pieces))
-        of_elements = energy_second_derivative_by_piece_length.elemental(self.basis, **fields)
+        of_elements = energy_second_derivative_by_length.elemental(self.basis, **fields)
         of_pieces = of_elements.reshape(self.pieces, -1)
         D = diags(of_pieces.sum(axis=1))
         by_r = weak_force_derivative_by_r.assemble(self.basis, **fields)
@@ -367,7 +367,7 @@ class _LineBatch:
         stations = self.prescribed.copy()  # x, y and s
         stations[free] = self.X[self.number[free]]
         fields = self.form_data(self.X, 0.0)
-        z = np.append(self.energy_derivatives_by_nodes_and_lengths(fields), np.nan)  # last: no piece
+        z = np.append(self.energy_gradient(fields), np.nan)  # last: no piece
         behind = z[self.behind[:, :2]]
         ahead = -z[self.ahead[:, :2]]
         tau = behind + ahead

@@ -18,9 +18,10 @@ from cablefem.elements.bodies import (
     forces_on_cars,
     masses_drag_and_friction,
 )
-from cablefem.elements.bordered import BandMatrix, DenseMatrix, Matrix
-from cablefem.elements.line_coordinates import Coordinates, LineCoordinates, Mask, Slots
+from cablefem.elements.bordered import BandMatrix, DenseMatrix, Matrix, add_entry
+from cablefem.elements.line_coordinates import Coordinates, LineCoordinates, Mask
 from cablefem.elements.segments import Law
+from cablefem.elements.trolley import Slots
 from cablefem.newmark import Array, Solve, TangentFactors
 from cablefem.scene.contacts import Contact, MovingLine
 
@@ -311,7 +312,7 @@ class LineBalance(LineCoordinates):
     ) -> None:
         """Add supports, cars on two wheels, and the rows that determine F."""
         for slot, value in self._support_tangent_diagonal(x, c):
-            matrix.add_entry(slot, slot, value)
+            add_entry(matrix, slot, slot, value)
         for trolley in self.trolleys:
             trolley.add_tangent(matrix, x, rope_rows[trolley.points.ravel()], cars, c)
         for slot, rail in self.rails:

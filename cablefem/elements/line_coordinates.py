@@ -14,15 +14,12 @@ from numpy.typing import NDArray
 
 from cablefem.elements.off_rope import CarOffRope
 from cablefem.elements.segments import Motion, Segments
-from cablefem.elements.trolley import Trolley
+from cablefem.elements.trolley import Slots, Trolley
 from cablefem.newmark import Array, System
 from cablefem.scene.contacts import Car, Contact, MovingLine, Wheel
 from cablefem.scene.rail import Rail
 
 CACHED_INSTANTS = 8  # instants whose prescribed coordinates are kept: a step's nodes are evaluated several times
-
-
-Slots = NDArray[np.intp]  # numbers of coordinates
 Mask = NDArray[np.bool_]
 
 

@@ -102,8 +102,8 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
     line = system.line
     supports = zip(system.supports, line.supports, strict=True)
     contacts = tuple(_support_motion(x, k, support) for k, support in supports)
-    cars, powers = _car_motions_and_powers(x)
-    powers = _counterweight_powers(x) | powers
+    cars, car_powers = _car_motions_and_powers(x)
+    powers = _counterweight_powers(x) | car_powers
     for off_rope in system.off_rope.values():
         state = _state_off_rope(x, off_rope, states)
         motion, powers_off = off_rope_motion_and_powers(line, off_rope.car, states, state, contacts)
@@ -202,7 +202,7 @@ def _car_motions_and_powers(x: _History) -> tuple[list[CarMotion], Powers]:
     system = x.system
     if not system.cars:
         return [], {}
-    data = _car_loads_and_masses_over_time(x)
+    data = _car_loads_over_time(x)
     slopes_and_motion = system.slopes_and_motion_at_cars(x.coordinates)
     cars = _CarsInMotion(data, slopes_and_motion, forces_on_cars(data, slopes_and_motion))
     trolleys = {trolley.i: trolley for trolley in system.trolleys}
@@ -229,30 +229,39 @@ def _point_car_motion(x: _History, i: int, cars: _CarsInMotion) -> CarMotion:
     contact = _wheel_motion(x, car.name, k, forces.normal[:, i], slopes)
     missing_force = x.row_of_contact(k, x.end_node_rows) + forces.contact[:, i]
     shoe = _force_on_shoe(car, contact.point, missing_force)
-    grip = x.row_of_contact(k, x.end_rows) / forces.stretch[:, i]
-    on_car = _ForcesOnCar(forces.haul[:, i], grip, contact.load, shoe)
     turning = None
     if car.hanger is not None:
         turning = _swing_motion(own[:, 9:12], contact.point, cars.data.arm[i])
-    return _car_motion(x, car, k, (contact, contact), on_car, turning)
-
-
-class _ForcesOnCar(NamedTuple):
-    """[N] as in `CarMotion`, (n,) each."""
-
-    haul: Array
-    grip: Array
-    contact: Array
-    shoe: Array
+    return _car_motion(
+        x,
+        car,
+        k,
+        (contact, contact),
+        turning,
+        haul=forces.haul[:, i],
+        grip=x.row_of_contact(k, x.end_rows) / forces.stretch[:, i],
+        contact=contact.load,
+        shoe=shoe,
+    )
 
 
 def _car_motion(
-    x: _History, car: Car, k: int, wheels: Sequence[WheelMotion], forces: _ForcesOnCar, turning: Turning | None
+    x: _History,
+    car: Car,
+    k: int,
+    wheels: Sequence[WheelMotion],
+    turning: Turning | None,
+    *,
+    haul: Array,
+    grip: Array,
+    contact: Array,
+    shoe: Array,
 ) -> CarMotion:
-    """Motion of a car from its rear and its front wheel, which is contact k; a car on one contact has it twice."""
+    """Motion of a car from its rear and its front wheel, which is contact k; a car on one contact has it twice.
+
+    haul and grip : [N] (n,) each, of which the car has that of its drive, or none.
+    """
     rear, front = wheels
-    haul_force = forces.haul if car.drive.mode == "haul" else x.none
-    grip_force = forces.grip if car.drive_kind == "grip" else x.none
     return CarMotion(
         name=car.name,
         s=front.s,
@@ -264,10 +273,10 @@ def _car_motion(
         tension_ahead=front.tension_ahead,
         slope_behind=rear.slope_behind,
         slope_ahead=front.slope_ahead,
-        haul_force=haul_force,
-        grip_force=grip_force,
-        contact_force=forces.contact,
-        shoe_force=forces.shoe,
+        haul_force=haul if car.drive.mode == "haul" else x.none,
+        grip_force=grip if car.drive_kind == "grip" else x.none,
+        contact_force=contact,
+        shoe_force=shoe,
         turning=turning,
     )
 
@@ -352,9 +361,17 @@ def _trolley_motion_and_powers(x: _History, trolley: Trolley, data: CarLoadsAndM
         wheels=(rear, front),
     )
     row_of_s = x.row_of_contact(k, x.end_rows)
-    haul = car.mass * x.a[:, trolley.force]
-    on_car = _ForcesOnCar(haul, row_of_s / forces.stretch, rear.load + front.load, np.zeros(x.t.size))
-    motion = _car_motion(x, car, k, wheels, on_car, turning)
+    motion = _car_motion(
+        x,
+        car,
+        k,
+        wheels,
+        turning,
+        haul=car.mass * x.a[:, trolley.force],
+        grip=row_of_s / forces.stretch,
+        contact=rear.load + front.load,
+        shoe=np.zeros(x.t.size),
+    )
     rear_friction, front_friction = forces.friction
     powers = {
         "friction": rear_friction * rear.ds + front_friction * front.ds,
@@ -385,7 +402,7 @@ def _wheel_motion(x: _History, name: str, k: int, load: Array, slopes: Sequence[
     )
 
 
-def _car_loads_and_masses_over_time(x: _History) -> CarLoadsAndMasses:
+def _car_loads_over_time(x: _History) -> CarLoadsAndMasses:
     """Data of the cars at all times, (n, cars)."""
     system = x.system
     slots = system.s[system.cars]

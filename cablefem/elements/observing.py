@@ -51,9 +51,11 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     history = HistoryWithForces(states, kinematics, cable.end_forces, force)
     history = history._replace(end_forces=system._end_forces_with_mass(history))
     if system.fields == 2:
-        beside = _BesideMass(static, T, behind, ahead)
+        law = system._law[0], system._law[3]
+        sections = [section_state(static, T, r_s - static, *law) for r_s in (behind, ahead)]
+        beside = _BesideMass(static, T, behind, ahead, *sections)
         at_mass = _tensions_and_reactions(system, history.end_forces, node_kinematics[1], beside)
-        power += ds * _kink_force(system, beside)
+        power += ds * _kink_force(beside)
     else:
         at_mass = _chord_tensions_and_reactions(system, history.end_forces, cable.rise, T)
     power -= lost
@@ -132,7 +134,7 @@ class CableState(NamedTuple):
 
 
 def observe_cable(system: CableElements, node_kinematics: Array, states: States) -> CableState:
-    """The cable in a history; node_kinematics (3, n) : kinematics of the mesh."""
+    """The cable in a history; node_kinematics (3, n) : of the node between both sides of the mesh."""
     size = system.fields * system.n_scalar
     columns = np.concatenate(system._moments, axis=1).T  # (4 sides, n_scalar)
     parts = []
@@ -148,8 +150,7 @@ def observe_cable(system: CableElements, node_kinematics: Array, states: States)
         kinetic = kinetic_energy(system, at, q, v)
         strained = strain_state(system, at, q)
         parts.append((kinetic, *strained, _multiply(columns, x)))
-    joined = [np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)]
-    kinetic, *arrays, moments = joined
+    kinetic, *arrays, moments = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
     strained = StrainState(*arrays)
     of_sides = moments.reshape(-1, 4, *moments.shape[1:])
     potential = np.zeros_like(kinetic)
@@ -324,40 +325,32 @@ class _BesideMass(NamedTuple):
 
     X_s: Array  # (2, n)
     T: Array  # (n,)
-    behind: Array  # r' (2, n)
-    ahead: Array
-
-    def sections(self, system: CableElements) -> tuple[Section, Section]:
-        """Behind and ahead."""
-        alpha = system._law[0]
-        law = system._law[3]
-        behind = section_state(self.X_s, self.T, self.behind - self.X_s, alpha, law)
-        return behind, section_state(self.X_s, self.T, self.ahead - self.X_s, alpha, law)
+    r_s_behind: Array  # (2, n)
+    r_s_ahead: Array
+    behind: Section
+    ahead: Section
 
 
-def _kink_force(system: CableElements, beside: _BesideMass) -> Array:
+def _kink_force(x: _BesideMass) -> Array:
     """<N t> . [r'] - [W] (n,), whose power the mass takes from the cable."""
-    behind, ahead = beside.sections(system)
-    mean = 0.5 * (behind.force + ahead.force) + beside.T * beside.X_s  # <N t>
-    work = np.sum(mean * (beside.ahead - beside.behind), axis=0)
-    return work - (ahead.energy - behind.energy)
+    mean = 0.5 * (x.behind.force + x.ahead.force) + x.T * x.X_s  # <N t>
+    work = np.sum(mean * (x.r_s_ahead - x.r_s_behind), axis=0)
+    return work - (x.ahead.energy - x.behind.energy)
 
 
 def _tensions_and_reactions(
-    system: CableElements, end_forces: Array, mesh_speed: Array, beside: _BesideMass
+    system: CableElements, end_forces: Array, mesh_speed: Array, x: _BesideMass
 ) -> dict[str, Any]:
     """Tensions at the mass and reactions of the full cable; mesh_speed : at the mass (n,)."""
-    X_s, T, behind, ahead = beside
-    at_behind, at_ahead = beside.sections(system)
     T_ends, x_ends, y_ends = system.groups.tension_and_slope(np.array([0.0, 1.0]))
     static_ends = np.stack([T_ends * x_ends, T_ends * y_ends])  # (2 fields, 2 ends)
     left = end_forces[0] + static_ends[:, :1]
     right = end_forces[3] + static_ends[:, 1:]
     return {
-        "T_behind": _tension_from_momentum(system, end_forces[1], mesh_speed, (X_s, T, behind)),
-        "T_ahead": _tension_from_momentum(system, end_forces[2], mesh_speed, (X_s, T, ahead)),
-        "T_behind_pointwise": at_behind.N,
-        "T_ahead_pointwise": at_ahead.N,
+        "T_behind": _tension_from_momentum(system, end_forces[1], mesh_speed, (x.X_s, x.T, x.r_s_behind)),
+        "T_ahead": _tension_from_momentum(system, end_forces[2], mesh_speed, (x.X_s, x.T, x.r_s_ahead)),
+        "T_behind_pointwise": x.behind.N,
+        "T_ahead_pointwise": x.ahead.N,
         "reaction_left": -left.T,
         "reaction_right": right.T,
     }

@@ -53,7 +53,7 @@ def resting_coordinates_with_forces(system: LineBalance, q: Array) -> Coordinate
     return system.fill_dependent_coordinates(z)
 
 
-def car_loads_and_masses_at_rest(system: LineBalance, t: float, phase: int) -> CarLoadsAndMasses:
+def car_loads_at_rest(system: LineBalance, t: float, phase: int) -> CarLoadsAndMasses:
     """Cars at rest; hauled ones are about to move."""
     cars = system.car_loads_and_masses(t, phase)
     hauled = np.array([car.travel is not None for car in system.line.cars_on_rope])
@@ -72,7 +72,7 @@ def _solve_rest_by_newton(
     points = np.array([c.point for c in system.line.supports])
     reach = float(np.ptp(points[:, 0]))
     bound = system.force_floor * np.sqrt(system.n_dof)
-    rope_and_cars = RopeAndCars(law, car_loads_and_masses_at_rest(system, t, phase))
+    rope_and_cars = RopeAndCars(law, car_loads_at_rest(system, t, phase))
     moving = free.copy()
     moving[system.force] = False
 
@@ -207,10 +207,9 @@ def _guess_contact_x(system: LineBalance, q: Array) -> Array:
     x = np.zeros(len(line.contacts_and_wheels))
     x[system.supports] = points[:, 0]
     for i, car in enumerate(line.cars_on_rope):
-        at = q[system.slot_set_by_travel(i)]
-        if car.drive_kind != "haul_x":
-            at = np.interp(at - begin, along, points[:, 0])
-        x[system.cars[i]] = at
+        position = q[system.slot_set_by_travel(i)]
+        is_x = car.drive_kind == "haul_x"
+        x[system.cars[i]] = position if is_x else np.interp(position - begin, along, points[:, 0])
     for trolley in system.trolleys:
         x[trolley.k - 1] = x[trolley.k] - trolley.wheels.base
     return _order_cars_in_spans(system, x)

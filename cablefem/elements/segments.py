@@ -144,8 +144,9 @@ class Segments:
         w = v - flow * r_xi
         dw = a - flow * v_xi + speed_up[..., None] * r_xi
         lam = np.sqrt(dot(r_xi, r_xi)) / h
-        N = law.N_r + law.EA * (lam - 1.0)
-        W = law.W_r + (law.N_r + 0.5 * law.EA * (lam - 1.0)) * (lam - 1.0)
+        strain = lam - 1.0
+        N = law.N_r + law.EA * strain
+        W = law.W_r + (law.N_r + 0.5 * law.EA * strain) * strain
         return PointFields(h=h, dh=dh, c=c, y=r[..., 1], r_xi=r_xi, v_xi=v_xi, w=w, dw=dw, lam=lam, N=N, W=W)
 
     def fields_of_motion(self, motion: Motion) -> PointFields:
@@ -203,4 +204,3 @@ class Segments:
         coefficients = shape_polynomial_coefficients(lagrange_element(self.degree)).T
         slopes = polyval(local, polyder(coefficients))
         return ElementShapes(self.dofs[element], polyval(local, coefficients), slopes)
-

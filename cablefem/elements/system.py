@@ -80,7 +80,7 @@ class LineElements(LineBalance):
         if state is not None:
             return consistent_acceleration(self, t, state.q, state.v, phase)
         from cablefem.elements.rest import (
-            car_loads_and_masses_at_rest,
+            car_loads_at_rest,
             coordinates_at_rest,
             resting_coordinates_with_forces,
         )
@@ -93,7 +93,7 @@ class LineElements(LineBalance):
             v = (after - before) / (2.0 * SHIFT)
         at_rest = resting_coordinates_with_forces(self, q)
         if self.cars:
-            self._release_free_cars(t, phase, at_rest, car_loads_and_masses_at_rest(self, t, phase))
+            self._release_free_cars(t, phase, at_rest, car_loads_at_rest(self, t, phase))
         self._refuse_slack_rope(t, self.balance_rows(t, at_rest, phase))
         q[self.force] = 0.0
         v[self.force] = 0.0
@@ -205,9 +205,7 @@ class LineElements(LineBalance):
 
     def _friction_margin(self, i: int, z: Coordinates, rows: Array, pressing: Sequence[float]) -> float:
         """Largest force [N] of friction and brakes less the one that holds car i."""
-        load = 0.0
-        for car, pressed in zip(self._pressing, pressing, strict=True):
-            load += abs(pressed) if car == i else 0.0
+        load = sum(abs(x) for car, x in zip(self._pressing, pressing, strict=True) if car == i)
         largest = self._unloaded_cars.friction[i] * load + self.brakes[i]
         return float(largest - abs(self._holding_force(i, z, rows)))
 

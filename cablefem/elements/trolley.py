@@ -30,9 +30,7 @@ if TYPE_CHECKING:
 # inputs: r' behind and ahead of the rear wheel (4) and of the front one (4), P_1, P_2 (4), th, X. (2), th., X.. (2),
 # th.., F/M
 INPUTS = 20
-
-
-Slot = NDArray[np.intp]
+Slots = NDArray[np.intp]  # numbers of coordinates
 
 
 class TrolleyForces(NamedTuple):
@@ -81,7 +79,7 @@ class Trolley:
         self.wheels = car.wheels
         self.ahead = car.wheels.ahead - 0.5 * car.wheels.base  # [m] of the centre of mass ahead of the front wheel
 
-    def set_slots(self, body: Slot, force: int, nodes: Slot, s: Slot, end_slopes: Array) -> None:
+    def set_slots(self, body: Slots, force: int, nodes: Slots, s: Slots, end_slopes: Array) -> None:
         """Slots of X and th, of F/M or -1; nodes (K, nn) of the segments; slots of s of all contacts.
 
         end_slopes : of shape functions at the left and the right end of a segment, (2, nn).
