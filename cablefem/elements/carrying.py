@@ -93,18 +93,18 @@ def _reorder_by_car(old: LineElements, new: LineElements, values: Array) -> Arra
 def _fit_segment(old: LineElements, before: Coordinates, new: LineElements, z: Coordinates, k: int) -> None:
     """Set r and v inside segment k of z by least squares: first the slopes r', then dr/dt = w + c r'."""
     segments = new.segments
-    nodes = new.nodes[k]
+    xy = new.xy_of_nodes[k]
     ends = new.s[k : k + 2]
     h = z.q[ends[1]] - z.q[ends[0]]
     _, slope, w = positions_slopes_and_velocities_at(old, before, segments.psi @ z.q[ends])
-    r = new.node_points(z.q)[nodes]
+    r = z.q[xy]
     _fit_inner_unknowns(segments, segments.slopes, r, slope * h)
-    v = new.node_points(z.v)[nodes]
+    v = z.v[xy]
     c = (segments.psi @ z.v[ends])[:, None]
     of_node = w + c * (segments.slopes @ r) / h
     _fit_inner_unknowns(segments, segments.values, v, of_node)
-    new.node_points(z.q)[nodes] = r
-    new.node_points(z.v)[nodes] = v
+    z.q[xy] = r
+    z.v[xy] = v
 
 
 def _fit_inner_unknowns(segments: Segments, table: Array, x: Array, target: Array) -> None:
@@ -126,9 +126,9 @@ def positions_slopes_and_velocities_at(system: LineElements, z: Coordinates, s: 
     h = ends[k + 1] - ends[k]
     xi = (s - ends[k]) / h
     shapes = segments.element_shapes(xi)
-    nodes = system.nodes[k[:, None], shapes.nodes]  # (m, n_loc)
-    r = system.node_points(z.q)[nodes]
-    v = system.node_points(z.v)[nodes]
+    xy = system.xy_of_nodes[k[:, None], shapes.nodes]  # (m, n_loc, 2)
+    r = z.q[xy]
+    v = z.v[xy]
     by_xi = np.einsum("nm,mna->ma", shapes.slopes * segments.elements, r)
     slope = by_xi / h[:, None]
     c = ds[k] + xi * (ds[k + 1] - ds[k])

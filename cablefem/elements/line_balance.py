@@ -159,7 +159,7 @@ class LineBalance(LineCoordinates):
         values = self.segments.motion_at_points(self.segment_motion(x))
         fields = self.segments.fields_at_points(values, law)
         nodes, ends = self.segments.node_and_end_rows(fields)
-        points = self.node_points(rows)
+        points = rows[: 2 * self.n].reshape(-1, 2)  # of all nodes, a view
         points[:-1] += nodes[:, :-1].reshape(-1, 2)
         points[self.node[1:]] += nodes[:, -1]
         rows[self.s[:-1]] += ends[0]
@@ -226,12 +226,12 @@ class LineBalance(LineCoordinates):
             return cars
         times = np.ravel(t).tolist()
         thrust = np.empty((len(times), len(self.cars)))
-        held = np.empty(thrust.shape)
+        remaining = np.empty(thrust.shape)
         for i, car in enumerate(self.line.cars_on_rope):
             thrust[:, i] = [self.line.thrust(car, at, phase) for at in times]
-            held[:, i] = [car.drive.remaining_hold_fraction(at) for at in times]
+            remaining[:, i] = [car.drive.remaining_hold_fraction(at) for at in times]
         shape = (*np.shape(t), len(self.cars))
-        hold = self.hold * held
+        hold = self.hold * remaining
         return cars._replace(thrust=thrust.reshape(shape), hold=hold.reshape(shape))
 
     # --- tangent ---------------------------------------------------------------------------------------------

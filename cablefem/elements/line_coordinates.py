@@ -85,7 +85,7 @@ class LineCoordinates(System):
         for trolley in self.trolleys:
             force = int(self._force_slots[trolley.i])
             body = first + np.arange(3)
-            trolley.set_slots(body, force, self.nodes, self.s, self.segments.end_slopes)
+            trolley.set_slots(body, force, self.xy_of_nodes, self.s, self.segments.end_slopes)
             first += 3
         swinging = self.line.swinging_cars_off_rope
         self.swing_off_rope = {car.name: first + i for i, car in enumerate(swinging)}  # slots of phi
@@ -170,10 +170,6 @@ class LineCoordinates(System):
         for x, rail in self.rails:
             z[..., x + 1] = rail.y_with_rates(z[..., x])
         return Coordinates(*z)
-
-    def node_points(self, values: Array) -> Array:
-        """x and y of all nodes, a view (n, 2) of coordinates, their rates or rows (size,)."""
-        return values[: 2 * self.n].reshape(-1, 2)
 
     def segment_motion(self, coordinates: Coordinates) -> Motion:
         """Motion of the segments; coordinates : (..., size) each."""

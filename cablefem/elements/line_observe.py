@@ -38,7 +38,8 @@ class _History:
         self.phase = [x.phase for x in states]
         self.none = np.full(self.t.size, np.nan)
         coordinates = [system.coordinates_from_unknowns(*x) for x in states]
-        self.q, self.v, self.a = self.coordinates = Coordinates(*np.stack(coordinates, axis=1))  # (n, size)
+        self.coordinates = Coordinates(*np.stack(coordinates, axis=1))  # (n, size) each
+        self.q, self.v, self.a = self.coordinates
         motion = system.segment_motion(self.coordinates)
         self.motion = Motion(*(x.reshape(-1, *x.shape[2:]) for x in motion))  # of n K segments
         self.points = self.segments.fields_of_motion(self.motion)
@@ -309,7 +310,7 @@ def _powers_of_drive(car: Car, powers: Powers) -> Powers:
 def _state_off_rope(x: _History, off_rope: CarOffRope, states: Sequence[State]) -> OffRopeState:
     """A car off the rope at all states."""
     car = off_rope.car
-    z = np.array([x.q, x.v, x.a])
+    z = np.array(x.coordinates)
     points = np.array([x.system.car_point_and_rates(car.name, state) for state in states])
     forces = off_rope.forces(points, z)
     powers: Powers = {}
@@ -343,7 +344,7 @@ def _trolley_motion_and_powers(x: _History, trolley: Trolley, data: CarLoadsAndM
     rear_row = x.row_of_contact(k - 1, x.end_node_rows)
     front_row = x.row_of_contact(k, x.end_node_rows)
     rope_rows = np.concatenate([rear_row, front_row], axis=1)
-    inputs = trolley.force_inputs((x.q, x.v, x.a), rope_rows)
+    inputs = trolley.force_inputs(x.coordinates, rope_rows)
     forces = trolley.forces(data, inputs)
     wheels = []
     slopes = [*trolley.rope_slopes_at_wheels(x.q).swapaxes(0, 1)]  # (n, 2) each

@@ -234,9 +234,9 @@ class RollingElements(RollingCar, FollowingElements):
         powers["drag"] = np.sum(drag * o.path_velocity, axis=1)
         powers["friction"] = -stretch * drive.mu_r * normal * np.abs(ds)
         if self.free:
-            held = np.array([drive.remaining_hold_fraction(t) for t in states.t])
+            remaining = np.array([drive.remaining_hold_fraction(t) for t in states.t])
             powers["brake"] = -stretch * drive.brake_force(o.s_o) * np.abs(ds)
-            powers["hold"] = self.hold * held * ds
+            powers["hold"] = self.hold * remaining * ds
         powers |= o.powers
         driven = not self.free or bool(drive.thrust_table)
         haul = driving_force if driven else o.haul

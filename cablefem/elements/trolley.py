@@ -79,8 +79,8 @@ class Trolley:
         self.wheels = car.wheels
         self.ahead = car.wheels.ahead - 0.5 * car.wheels.base  # [m] of the centre of mass ahead of the front wheel
 
-    def set_slots(self, body: Slots, force: int, nodes: Slots, s: Slots, end_slopes: Array) -> None:
-        """Slots of X and th, of F/M or -1; nodes (K, nn) of the segments; slots of s of all contacts.
+    def set_slots(self, body: Slots, force: int, xy: Slots, s: Slots, end_slopes: Array) -> None:
+        """Slots of X and th, of F/M or -1; of x and y of the segments' nodes (K, nn, 2); of s of all contacts.
 
         end_slopes : of shape functions at the left and the right end of a segment, (2, nn).
         """
@@ -88,14 +88,14 @@ class Trolley:
         self.force = force
         rear = self.k - 1
         front = self.k
-        self.points = 2 * nodes[[rear, front], 0][:, None] + np.arange(2)  # (wheel, 2)
+        self.points = xy[[rear, front], 0]  # (wheel, 2)
         self.rows = np.array([*body, *s[[rear, front]]])
         # sides of the wheels: segments behind, between, between, ahead, and which ends of these
         segment = np.array([rear - 1, rear, rear, front])[:, None]
         end = np.array([1, 0, 1, 0])
         with_slopes = np.array([np.flatnonzero(x) for x in end_slopes])
         near = with_slopes[end]  # nodes with slopes there (4, near)
-        self.near = 2 * nodes[segment, near][:, :, None] + np.arange(2)  # (4, near, 2)
+        self.near = xy[segment, near]  # (4, near, 2)
         self.shapes = end_slopes[end[:, None], near]  # (4, near)
         self.ends = s[segment + np.arange(2)]  # (4, 2)
 
