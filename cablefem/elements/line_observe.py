@@ -56,10 +56,10 @@ class _History:
         ds = self.motion.ds.T[..., None]
         v = self.motion.v[:, [0, -1]].swapaxes(0, 1)
         slopes = self.system.slopes_at_segment_ends(self.q).reshape(v.shape)
-        flow = self.segments.rho * ds * (v - ds * slopes)
+        momentum_flux = self.segments.rho * ds * (v - ds * slopes)
         rows = nodal_rows[:, [0, -1]].swapaxes(0, 1)
-        at_left = -(rows[0] + flow[0])
-        at_right = rows[1] - flow[1]
+        at_left = -(rows[0] + momentum_flux[0])
+        at_right = rows[1] - momentum_flux[1]
         self.end_node_rows = self.split_by_time(rows)
         self.end_forces = self.split_by_time(np.stack([at_left, at_right]))
 

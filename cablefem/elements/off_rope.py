@@ -31,8 +31,8 @@ class CarOffRope:
     def points_with_rates(self, t: Array, z: Array, phase: int) -> Array:
         """Its points with their rates (n, 3, 2) at the times t (n,), from coordinates with rates z (3, n, size)."""
         points = []
-        for at, rope_flow in zip(t.tolist(), z[..., self.saddle].T, strict=True):
-            points.append(self.line.point_with_rates_off_rope(self.car, at, phase, rope_flow))
+        for at, s_with_rates in zip(t.tolist(), z[..., self.saddle].T, strict=True):
+            points.append(self.line.point_with_rates_off_rope(self.car, at, phase, s_with_rates))
         return np.array(points)
 
     def forces(self, points: Array, z: Array) -> ForcesOnCars:

@@ -130,13 +130,9 @@ class RollingElements(RollingCar, FollowingElements):
 
         A hauled car has a margin: schemes may balance it before the end of the step.
         """
-        smallest_force = 0.0
-        bounds = EventFreeRange(-math.inf, math.inf, 0.0, 0.0, 0.0)
-        if self.free:
-            bounds = self.event_free_range()
-        else:
-            share = 0.1  # of the weight, of a hauled car in compiled steps
-            smallest_force = share * self.inertia * self.groups.sigma
+        share = 0.0 if self.free else 0.1  # of the weight
+        smallest_force = share * self.inertia * self.groups.sigma
+        bounds = self.event_free_range() if self.free else EventFreeRange(-math.inf, math.inf, 0.0, 0.0, 0.0)
         return np.array([*bounds, -math.inf if self.mode.lifted_off else smallest_force])
 
     def collocate_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:

@@ -140,9 +140,9 @@ class Segments:
         c = dot(ds, self.psi)
         dc = dot(dds, self.psi)  # rate of c at fixed xi
         flow = (c / h)[..., None]
-        speed_up = (c * dh / h - dc) / h
+        slowing = (c * dh / h - dc) / h  # -d(c/h)/dt
         w = v - flow * r_xi
-        dw = a - flow * v_xi + speed_up[..., None] * r_xi
+        dw = a - flow * v_xi + slowing[..., None] * r_xi
         lam = np.sqrt(dot(r_xi, r_xi)) / h
         strain = lam - 1.0
         N = law.N_r + law.EA * strain
@@ -163,8 +163,7 @@ class Segments:
         per_length = p.N / (p.lam * p.h)
         by_slope = momentum_flux + per_length[..., None] * p.r_xi
         momentum = dot(p.dw, p.r_xi) + dot(p.w, p.v_xi)
-        flow = p.c / p.h * dot(p.w, p.r_xi)
-        kinetic = 0.5 * dot(p.w, p.w) + flow
+        kinetic = 0.5 * dot(p.w, p.w) + p.c / p.h * dot(p.w, p.r_xi)
         material = p.W - p.N * p.lam - self.q * p.y - rho * kinetic
         of_s = SIGN * material[..., None] - rho * self.psi * momentum[..., None]
         return np.concatenate([by_value, by_slope, of_s], axis=-1)

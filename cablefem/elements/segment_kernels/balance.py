@@ -419,8 +419,8 @@ def add_rope_tangent(line: Line, at: Coordinates, factors: tuple[float, float, f
                         # the row of s by this coordinate
                         carried = psi * (c2 * f[2 + x] + c1 * f[6 + x])
                         of_a = -rho * (carried + sign * c1 * (w[x] + c / h * f[2 + x])) - sign * rope.q * c0 * x
-                        speed_up = (c * dh / h - dc) / h * c0 - c1 * c / h
-                        moved = speed_up * f[2 + x] + c0 * dw[x] - c0 * c / h * f[6 + x] + c1 * w[x]
+                        by_r_xi = (c * dh / h - dc) / h * c0 - c1 * c / h
+                        moved = by_r_xi * f[2 + x] + c0 * dw[x] - c0 * c / h * f[6 + x] + c1 * w[x]
                         of_b = -rho * (psi * moved - sign * c0 * (c / h) ** 2 * f[2 + x])
                         of_b -= c0 * sign * lam * EA / h * t
                         for i in range(n_loc):
