@@ -47,7 +47,7 @@ def _set_contact_coordinates(new: LineElements, snapshot: LineSnapshot, z: Coord
 def _add_jump_of_swing_rate(old: LineElements, new: LineElements, car: str, velocity: Array, z: Coordinates) -> None:
     """Add to the swing rate in z what the jump of the car's velocity gives; velocity : off the rope (2,)."""
     i = [c.name for c in new.line.cars_on_rope].index(car)
-    jump = z.v[new.xy[new.cars[i]]] - velocity
+    jump = z.v[new.xy[new.car_contacts[i]]] - velocity
     swing = _body_slots_by_car(new)[car]
     z.v[swing] += old.off_rope[car].swing_rate_jump(z.q[swing], jump)
 

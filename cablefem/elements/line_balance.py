@@ -76,8 +76,8 @@ class LineBalance(LineCoordinates):
     def _kernel(self) -> Kernel:
         from cablefem.elements.segment_kernels import Kernel  # slow to load
 
-        on_one = np.array(self.points, int)
-        contacts = np.array(self.cars, int)
+        on_one = np.array(self.point_cars, int)
+        contacts = np.array(self.car_contacts, int)
         swings = np.full(len(contacts), -1)
         swings[self.of_swing] = self.swing
         slots = [self._force_slots[on_one], swings[on_one]]  # of F/M and phi
@@ -147,7 +147,7 @@ class LineBalance(LineCoordinates):
         """Rows (..., size) of segments and of cars on one contact; sets `loads` of these and the smallest tension."""
         rows = np.zeros(x.q.shape)
         each = rows.reshape(-1, self.size)
-        self.loads = np.empty((len(each), len(self.points) + 1))
+        self.loads = np.empty((len(each), len(self.point_cars) + 1))
         if self.compiled:
             at = [z.reshape(each.shape) for z in x]
             self._kernel.add_rows_and_set_loads(at, law, cars, each, self.loads)
@@ -164,13 +164,13 @@ class LineBalance(LineCoordinates):
         points[self.node[1:]] += nodes[:, -1]
         rows[self.s[:-1]] += ends[0]
         rows[self.s[1:]] += ends[1]
-        if self.points:
+        if self.point_cars:
             forces = forces_on_cars(cars, self.slopes_and_motion_at_cars(x))
-            k = np.array(self.cars, int)[self.points]
-            points[self.node[k]] += forces.contact[self.points]
-            rows[self.s[k]] -= forces.drive[self.points]
+            k = np.array(self.car_contacts, int)[self.point_cars]
+            points[self.node[k]] += forces.contact[self.point_cars]
+            rows[self.s[k]] -= forces.drive[self.point_cars]
             rows[self.swing] += forces.swing[self.of_swing]
-            self.loads[0, :-1] = forces.normal[self.points]
+            self.loads[0, :-1] = forces.normal[self.point_cars]
         self.loads[0, -1] = fields.N.min()
 
     def _add_support_rows(self, rows: Array, x: Coordinates) -> None:
@@ -203,7 +203,7 @@ class LineBalance(LineCoordinates):
 
     def slopes_and_motion_at_cars(self, x: Coordinates) -> Array:
         """Slopes beside each car, its v and a, F/M and the swing (..., cars, INPUTS), for `bodies.forces_on_cars`."""
-        k = np.array(self.cars, int)
+        k = np.array(self.car_contacts, int)
         left, right = self.slopes_at_segment_ends(x.q)
         out = np.zeros((*x.q.shape[:-1], k.size, INPUTS))
         out[..., 0:2] = right[..., k - 1, :]
@@ -225,12 +225,12 @@ class LineBalance(LineCoordinates):
             self._steady_cars = cars
             return cars
         times = np.ravel(t).tolist()
-        thrust = np.empty((len(times), len(self.cars)))
+        thrust = np.empty((len(times), len(self.car_contacts)))
         remaining = np.empty(thrust.shape)
         for i, car in enumerate(self.line.cars_on_rope):
             thrust[:, i] = [self.line.thrust(car, at, phase) for at in times]
             remaining[:, i] = [car.drive.remaining_hold_fraction(at) for at in times]
-        shape = (*np.shape(t), len(self.cars))
+        shape = (*np.shape(t), len(self.car_contacts))
         hold = self.hold * remaining
         return cars._replace(thrust=thrust.reshape(shape), hold=hold.reshape(shape))
 
@@ -302,7 +302,7 @@ class LineBalance(LineCoordinates):
         slots = np.column_stack([of_nodes, self.s[:-1], self.s[1:]])  # (K, m)
         matrix = DenseMatrix(np.zeros((self.size, self.size), of_segments.dtype))
         np.add.at(matrix.matrix, (slots[:, :, None], slots[:, None, :]), of_segments)
-        if self.points:
+        if self.point_cars:
             self._add_car_tangent(matrix, x, cars, c)
         self._add_contact_tangents(matrix, x, rope_rows, cars, c)
         return splu(csc_array(matrix.matrix[free][:, free])).solve
@@ -343,8 +343,8 @@ class LineBalance(LineCoordinates):
     def _add_car_tangent(self, matrix: DenseMatrix, x: Coordinates, cars: CarLoadsAndMasses, c: TangentFactors) -> None:
         """Add the chain of `car_force_jacobian` (n, 4, INPUTS) and of its inputs by the coordinates."""
         jacobian = car_force_jacobian(cars, self.slopes_and_motion_at_cars(x))
-        for i in self.points:
-            k = self.cars[i]
+        for i in self.point_cars:
+            k = self.car_contacts[i]
             swing = self.swing[np.equal(self.of_swing, i)]
             slots = [*self.xy[k], self.s[k], *swing]
             by_coordinates = self._car_inputs_by_coordinates(i, x, c, matrix.dtype)
@@ -353,7 +353,7 @@ class LineBalance(LineCoordinates):
     def _car_inputs_by_coordinates(self, i: int, x: Coordinates, c: TangentFactors, dtype: Any) -> Array:
         """Derivatives (INPUTS, size) of slopes and motion of car i by all coordinates, times the factors c."""
         c0, c1, c2 = c
-        k = self.cars[i]
+        k = self.car_contacts[i]
         slopes = self.slopes_at_segment_ends(x.q)
         out = np.zeros((INPUTS, self.size), dtype)
         for side in range(2):  # behind, ahead

@@ -56,13 +56,13 @@ class LineCoordinates(System):
         self.xy = 2 * self.node[:, None] + np.arange(2)  # slots of x and y of the contacts, (contacts, 2)
         self.xy_of_nodes = 2 * self.nodes[..., None] + np.arange(2)  # of the nodes of segments, (K, nn, 2)
         self.s = 2 * self.n + np.arange(self.node.size)  # slots of s of the contacts
-        self.cars: list[int] = []  # contact of each car; of two wheels the front one
-        self.supports: list[int] = []  # contact of each support
+        self.car_contacts: list[int] = []  # contact of each car; of two wheels the front one
+        self.support_contacts: list[int] = []  # contact of each support
         for k, contact in enumerate(self.line.contacts_and_wheels):
             if isinstance(contact, Contact):
-                self.supports.append(k)
+                self.support_contacts.append(k)
             elif isinstance(contact, Car) or contact.front:
-                self.cars.append(k)
+                self.car_contacts.append(k)
         # numbers of hauled cars, and their slots of F/M
         self.of_force = [i for i, car in enumerate(self.line.cars_on_rope) if car.drive.mode == "haul"]
         self.force = self.s[-1] + 1 + np.arange(len(self.of_force))
@@ -71,7 +71,7 @@ class LineCoordinates(System):
     @property
     def _force_slots(self) -> Slots:
         """Slots of F/M of the cars, or -1."""
-        slots = np.full(len(self.cars), -1)
+        slots = np.full(len(self.car_contacts), -1)
         slots[self.of_force] = self.force
         return slots
 
@@ -81,7 +81,7 @@ class LineCoordinates(System):
         self.of_swing = [i for i, car in cars if car.hanger is not None]
         self.swing = first + np.arange(len(self.of_swing))  # slots of phi
         first += len(self.of_swing)
-        self.trolleys = [Trolley(car, i, self.cars[i]) for i, car in cars if car.wheels is not None]
+        self.trolleys = [Trolley(car, i, self.car_contacts[i]) for i, car in cars if car.wheels is not None]
         for trolley in self.trolleys:
             force = int(self._force_slots[trolley.i])
             body = first + np.arange(3)
@@ -90,14 +90,14 @@ class LineCoordinates(System):
         swinging = self.line.swinging_cars_off_rope
         self.swing_off_rope = {car.name: first + i for i, car in enumerate(swinging)}  # slots of phi
         self.size = first + len(self.swing_off_rope)
-        self.points = [i for i, car in cars if car.wheels is None]  # numbers of the cars on one contact
+        self.point_cars = [i for i, car in cars if car.wheels is None]  # numbers of the cars on one contact
 
     def _set_rails_and_cars_off_rope(self) -> None:
         self.rails: list[tuple[int, Rail]] = []  # with slots of x
-        for k, car in zip(self.cars, self.line.cars_on_rope, strict=True):
+        for k, car in zip(self.car_contacts, self.line.cars_on_rope, strict=True):
             if car.rail is not None:
                 self.rails.append((int(self.xy[k, 0]), car.rail))
-        saddles = {self.line.contacts_and_wheels[k].name: int(self.s[k]) for k in self.supports}  # slots of s
+        saddles = {self.line.contacts_and_wheels[k].name: int(self.s[k]) for k in self.support_contacts}  # slots of s
         self.off_rope: dict[str, CarOffRope] = {}
         for car in self.line.cars_off_rope:
             if car.rail is not None:
@@ -109,11 +109,11 @@ class LineCoordinates(System):
         if self.line.cars_on_rope[i].drive_kind != "haul_x":
             return self.slot_of_s(i)
         trolley_slots = {trolley.i: int(trolley.body[0]) for trolley in self.trolleys}
-        return trolley_slots.get(i, int(self.xy[self.cars[i], 0]))
+        return trolley_slots.get(i, int(self.xy[self.car_contacts[i], 0]))
 
     def slot_of_s(self, i: int) -> int:
         """Slot of s of car i; of two wheels that of the front one."""
-        return int(self.s[self.cars[i]])
+        return int(self.s[self.car_contacts[i]])
 
     def _set_prescribed_coordinates(self) -> None:
         """Set which coordinates are free, constants of the others, and the slots that travels prescribe."""

@@ -101,7 +101,7 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
     """What the states show, with the rope at the stations s (m,)."""
     x = _History(system, states)
     line = system.line
-    supports = zip(system.supports, line.supports, strict=True)
+    supports = zip(system.support_contacts, line.supports, strict=True)
     contacts = tuple(_support_motion(x, k, support) for k, support in supports)
     cars, car_powers = _car_motions_and_powers(x)
     powers = _counterweight_powers(x) | car_powers
@@ -201,7 +201,7 @@ def _support_motion(x: _History, k: int, support: Contact) -> ContactMotion:
 def _car_motions_and_powers(x: _History) -> tuple[list[CarMotion], Powers]:
     """Motion of the cars on the rope, and powers by "NAME force"."""
     system = x.system
-    if not system.cars:
+    if not system.car_contacts:
         return [], {}
     data = _car_loads_over_time(x)
     slopes_and_motion = system.slopes_and_motion_at_cars(x.coordinates)
@@ -222,7 +222,7 @@ def _car_motions_and_powers(x: _History) -> tuple[list[CarMotion], Powers]:
 
 def _point_car_motion(x: _History, i: int, cars: _CarsInMotion) -> CarMotion:
     """Motion of car i, which stands on one contact."""
-    k = x.system.cars[i]
+    k = x.system.car_contacts[i]
     car = x.system.line.cars_on_rope[i]
     forces = cars.forces
     own = cars.slopes_and_motion[:, i]
@@ -288,7 +288,7 @@ def _point_car_powers(x: _History, i: int, cars: _CarsInMotion, motion: CarMotio
     forces = cars.forces
     stretch = forces.stretch[:, i]
     along = np.sum(forces.tau[:, i] * motion.velocity, axis=1)
-    row_of_s = x.row_of_contact(x.system.cars[i], x.end_rows)
+    row_of_s = x.row_of_contact(x.system.car_contacts[i], x.end_rows)
     powers = {
         "friction": stretch * forces.friction[:, i] * motion.ds,
         "drag": forces.air_power[:, i],
@@ -406,7 +406,7 @@ def _wheel_motion(x: _History, name: str, k: int, load: Array, slopes: Sequence[
 def _car_loads_over_time(x: _History) -> CarLoadsAndMasses:
     """Data of the cars at all times, (n, cars)."""
     system = x.system
-    slots = system.s[system.cars]
+    slots = system.s[system.car_contacts]
     ds = x.v[:, slots]
     data = []
     for t, phase in zip(x.t.tolist(), x.phase, strict=True):

@@ -151,7 +151,7 @@ def _guess_contact_points_and_tensions(system: LineBalance, q: Array, free: Mask
         case = Case(stations, line.weight_per_length, line.rope.EA, length=line.rope.length)
         guess = _guess_or_raise(case, line)
         moved = np.zeros_like(x)
-        for k in system.cars:
+        for k in system.car_contacts:
             slot = system.s[k]
             if not free[slot]:
                 moved[k] = q[slot] - guess.s[k]
@@ -205,11 +205,11 @@ def _guess_contact_x(system: LineBalance, q: Array) -> Array:
     if line.supports[0].kind == "counterweight":
         begin = (line.rope.length or 0.0) - along[-1]
     x = np.zeros(len(line.contacts_and_wheels))
-    x[system.supports] = points[:, 0]
+    x[system.support_contacts] = points[:, 0]
     for i, car in enumerate(line.cars_on_rope):
         position = q[system.slot_set_by_travel(i)]
         is_x = car.drive_kind == "haul_x"
-        x[system.cars[i]] = position if is_x else np.interp(position - begin, along, points[:, 0])
+        x[system.car_contacts[i]] = position if is_x else np.interp(position - begin, along, points[:, 0])
     for trolley in system.trolleys:
         x[trolley.k - 1] = x[trolley.k] - trolley.wheels.base
     return _order_cars_in_spans(system, x)
@@ -218,7 +218,7 @@ def _guess_contact_x(system: LineBalance, q: Array) -> Array:
 def _order_cars_in_spans(system: LineBalance, x: Array) -> Array:
     """x with the cars evenly ordered within their span, where they are not."""
     out = x.copy()
-    for i, j in itertools.pairwise(system.supports):
+    for i, j in itertools.pairwise(system.support_contacts):
         margin = 1e-3 * (x[j] - x[i])
         cars = slice(i + 1, j)
         in_span = np.clip(x[cars], x[i] + margin, x[j] - margin)

@@ -92,7 +92,7 @@ class LineElements(LineBalance):
             after = coordinates_at_rest(self, t, phase, SHIFT, q)
             v = (after - before) / (2.0 * SHIFT)
         at_rest = resting_coordinates_with_forces(self, q)
-        if self.cars:
+        if self.car_contacts:
             self._release_free_cars(t, phase, at_rest, car_loads_at_rest(self, t, phase))
         self._refuse_slack_rope(t, self.balance_rows(t, at_rest, phase))
         q[self.force] = 0.0
@@ -116,7 +116,7 @@ class LineElements(LineBalance):
 
     def _release_free_cars(self, t: float, phase: int, x: Coordinates, held: CarLoadsAndMasses) -> None:
         """Let free cars go; they must move against friction."""
-        slots = self.s[self.cars]
+        slots = self.s[self.car_contacts]
         y = self.slopes_and_motion_at_cars(x)
         stretch = forces_on_cars(held, y).stretch
         rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, held))
@@ -251,17 +251,17 @@ class LineElements(LineBalance):
     def car_point_and_rates(self, car: str, x: State) -> Array:
         """Point of a car with its rates (3, 2)."""
         z = np.array(self.coordinates_from_unknowns(*x))
-        for k, on_rope in zip(self.cars, self.line.cars_on_rope, strict=True):
+        for k, on_rope in zip(self.car_contacts, self.line.cars_on_rope, strict=True):
             if on_rope.name == car:
                 return z[:, self.xy[k]]
         return self.off_rope[car].points_with_rates(np.array([x.t]), z[:, None], x.phase)[0]
 
     def _pressing_forces(self, x: Coordinates, rows: Array, loads: Array, cars: CarLoadsAndMasses) -> list[float]:
         """Contact forces [N] of all that may lift off; `rows` and `loads` are those of x."""
-        if not self.cars:
+        if not self.car_contacts:
             return []
         by_car: dict[int, Any] = {}
-        for i, load in zip(self.points, loads[:-1].tolist(), strict=True):
+        for i, load in zip(self.point_cars, loads[:-1].tolist(), strict=True):
             by_car[i] = [load]
         for trolley in self.trolleys:
             inputs = trolley.force_inputs(x, rows[trolley.points.ravel()])
@@ -273,7 +273,7 @@ class LineElements(LineBalance):
 
     def _min_tension_and_saddle_pressures(self, rows: Array, loads: Array) -> list[float]:
         """Smallest tension, and pressures of the rope on the saddles [N]."""
-        depth = self.xy[self.supports[1:-1], 1]
+        depth = self.xy[self.support_contacts[1:-1], 1]
         pressures = -rows[depth]
         return [loads.item(-1), *pressures.tolist()]
 
