@@ -69,9 +69,7 @@ class Series:
     def chart_row(self, settings: Settings, **results: Any) -> Row:
         """A row of chart.json; results that are not given are None."""
         row: Row = {"series": self.name, "kind": self.kind, "method": self.method, "model": self.model}
-        row["settings"] = settings
-        row |= dict.fromkeys(RESULTS)
-        return row | results
+        return row | {"settings": settings} | dict.fromkeys(RESULTS) | results
 
     def refused_row(self, scene: Scene) -> Row | None:
         """The one row of a series that cannot run the scene; None: it can."""
@@ -294,16 +292,16 @@ class _SeriesTimer:
 
         Short runs are repeated more often.
         """
-        timed = {"peer": self._time_peer_run, "waiting": self._time_command}.get(self.series.kind, self._time_run)
+        time_once = {"peer": self._time_peer_run, "waiting": self._time_command}.get(self.series.kind, self._time_run)
         try:
-            results, first = timed(settings)
+            results, first = time_once(settings)
         except (ValueError, TooCoarse) as error:
             return self.series.chart_row(settings, status="failed", reason=str(error))
         seconds = [first]
         while results["status"] == "ok" and sum(seconds) + first < max_seconds:
             if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > 0.2):
                 break
-            seconds.append(timed(settings)[1])
+            seconds.append(time_once(settings)[1])
         fastest = min(seconds)
         results["seconds"] = fastest
         results["spread"] = max(seconds) / fastest if len(seconds) > 1 else None

@@ -69,7 +69,7 @@ class LineMethod:
 
 
 ELEMENTS = LineMethod("elements", "elements", 2, 0.6, lambda line, n: LineElements(line, elements=n, degree=4))
-SINES = LineMethod("sines", "terms", 3, 0.9, lambda line, n: LineSines(line, n))
+SINES = LineMethod("sines", "terms", 3, 0.9, LineSines)
 
 
 def shortest_time_on_rail(system: Any, state: State) -> float:
