@@ -36,39 +36,44 @@ def design_rows(*of):
     return [SimpleNamespace(**row) for row in design_numbers(*of)]
 
 
+def rows_by_quantity(*of):
+    return {row.quantity: row for row in design_rows(*of)}
+
+
 @pytest.fixture(scope="module", params=SCENES)
 def ladder_with_numbers(request):
     """A ladder and its design numbers."""
     scene = SCENES[request.param]
     until = {} if scene.drive.mode == "free" else {"until": 0.8}
-    found = run_ladder(scene, **COARSE, **until)
-    return scene, found, design_rows(found)
+    ladder = run_ladder(scene, **COARSE, **until)
+    return scene, ladder, design_rows(ladder)
 
 
 def test_bars_hold_against_a_finer_run(ladder_with_numbers):
-    scene, _, known = ladder_with_numbers
+    scene, _, numbers = ladder_with_numbers
     until = {} if scene.drive.mode == "free" else {"until": 0.8}
-    true = {n.quantity: n for n in design_rows(run(scene, "following-p2", elements=16, steps=1500, **until))}
-    off = [n for n in known if not abs(n.value - true[n.quantity].value) <= n.bar]
-    assert off == []
+    finer = rows_by_quantity(run(scene, "following-p2", elements=16, steps=1500, **until))
+    assert [n for n in numbers if not abs(n.value - finer[n.quantity].value) <= n.bar] == []
     # and say something: a wide bar would hold as well
-    assert sorted(n.bar / abs(n.value) for n in known)[len(known) // 2] < 0.02
-    raw = [n for n in known if n.bar_peak is not None]
-    assert [n for n in raw if not abs(n.peak - true[n.quantity].peak) <= n.bar_peak] == []
+    relative_bars = sorted(n.bar / abs(n.value) for n in numbers)
+    assert relative_bars[len(numbers) // 2] < 0.02
+    peaks = [n for n in numbers if n.bar_peak is not None]
+    assert [n for n in peaks if not abs(n.peak - finer[n.quantity].peak) <= n.bar_peak] == []
 
 
 def test_forces_are_means_and_the_raw_peak_lies_beyond(ladder_with_numbers):
-    _, _, known = ladder_with_numbers
-    forces = [n for n in known if n.unit == "N"]
+    _, _, numbers = ladder_with_numbers
+    forces = [n for n in numbers if n.unit == "N"]
     assert len(forces) >= 8
     for n in forces:
         assert QUANTITIES[n.quantity].sign * (n.peak - n.value) >= -1e-9 * abs(n.value)
-    assert all(n.peak is None for n in known if n.unit != "N")
+    assert all(n.peak is None for n in numbers if n.unit != "N")
 
 
 def test_numbers_stand_where_they_occur(ladder_with_numbers):
-    _, found, known = ladder_with_numbers
-    by, r = {n.quantity: n for n in known}, found.finest
+    _, ladder, numbers = ladder_with_numbers
+    r = ladder.finest
+    by = {n.quantity: n for n in numbers}
     deep = by["mass_deepest"]
     assert deep.value == pytest.approx(float(np.interp(deep.t, r.t, r.y)))
     assert deep.s == deep.s_o == pytest.approx(float(np.interp(deep.t, r.t, r.s_o)))
@@ -86,9 +91,9 @@ def test_a_peak_has_a_bar_only_where_axial_waves_are_not_damped():
 
 def test_a_car_that_only_goes_up_has_no_deepest_point():
     up = CAMERA.replace({"supports.drop": -60.0})
-    found = {n.quantity for n in design_rows(run(up, "following-p2", elements=6, steps=300, until=0.95))}
-    assert not {"deepest_point", "mass_deepest"} & found
-    assert {"tension_max", "haul_force_max"} <= found
+    by = rows_by_quantity(run(up, "following-p2", elements=6, steps=300, until=0.95))
+    assert {"deepest_point", "mass_deepest"}.isdisjoint(by)
+    assert {"tension_max", "haul_force_max"} <= set(by)
 
 
 def test_a_brake_stops_a_car_as_hard_as_its_speed_and_way_say():
@@ -97,29 +102,28 @@ def test_a_brake_stops_a_car_as_hard_as_its_speed_and_way_say():
     r = quasi_static(braked)
     speed, stop = (next(e for e in r.events if e["event"] == name) for name in ("brake", "stop"))
     way = stop["s_o"] - speed["s_o"]
-    hardest = next(n.value for n in design_rows(r) if n.quantity == "car_deceleration_max")
-    assert hardest == pytest.approx(speed["speed"] ** 2 / (2.0 * way), rel=0.05)
+    hardest = rows_by_quantity(r)["car_deceleration_max"]
+    assert hardest.value == pytest.approx(speed["speed"] ** 2 / (2.0 * way), rel=0.05)
     hauled = run(CAMERA, "following-p2", elements=6, steps=300, until=0.5)
-    assert "car_deceleration_max" not in {n.quantity for n in design_rows(hauled)}
+    assert "car_deceleration_max" not in rows_by_quantity(hauled)
 
 
 def test_what_drives_a_free_car_is_its_thrust():
     """9 kN in the scene; no rope hauls it."""
-    by = {
-        n.quantity: n for n in design_rows(run(Scene.load("rocket"), "following-p2", elements=6, steps=300, until=0.3))
-    }
+    by = rows_by_quantity(run(Scene.load("rocket"), "following-p2", elements=6, steps=300, until=0.3))
     assert by["thrust_max"].value == pytest.approx(9000.0, rel=1e-9)
     assert {"haul_force_max", "haul_force_min"}.isdisjoint(by)
 
 
 def test_a_bar_is_no_less_than_the_gap_to_the_twin(ladder_with_numbers):
-    _, found, known = ladder_with_numbers
-    deeper = found.map(lambda r: replace(r, y=r.y + 1.0, v=r.v + 1.0))
-    own, other = design_numbers(found, deeper), design_numbers(deeper, found)
-    after = {row["quantity"]: row["bar"] for row in widen_bars_to_gaps(own, other)}
-    assert {n.quantity: n for n in known}["mass_deepest"].bar < 0.1
-    assert after["mass_deepest"] == pytest.approx(1.0, abs=0.02)
-    ladders = [replace(x, finest=replace(x.finest, design=n)) for x, n in ((found, own), (deeper, other))]
+    _, ladder, numbers = ladder_with_numbers
+    deeper = ladder.map(lambda r: replace(r, y=r.y + 1.0, v=r.v + 1.0))
+    own = design_numbers(ladder, deeper)
+    other = design_numbers(deeper, ladder)
+    widened = {row["quantity"]: row["bar"] for row in widen_bars_to_gaps(own, other)}
+    assert {n.quantity: n for n in numbers}["mass_deepest"].bar < 0.1
+    assert widened["mass_deepest"] == pytest.approx(1.0, abs=0.02)
+    ladders = [replace(x, finest=replace(x.finest, design=n)) for x, n in ((ladder, own), (deeper, other))]
     rows = {row.law: row for row in design_gap_rows(*ladders, 0.05)}
     assert rows["mass_deepest"].verdict is Verdict.DISAGREE  # by the solvers' own bars
     assert rows["tension_max"].verdict is Verdict.AGREE
@@ -127,33 +131,35 @@ def test_a_bar_is_no_less_than_the_gap_to_the_twin(ladder_with_numbers):
 
 
 def test_without_coarser_runs_there_are_no_bars(ladder_with_numbers):
-    _, found, _ = ladder_with_numbers
-    assert {number.bar for number in design_rows(found.finest)} == {None}
+    _, ladder, _ = ladder_with_numbers
+    assert {number.bar for number in design_rows(ladder.finest)} == {None}
 
 
 def test_extremes_reach_to_the_end_of_the_range_that_they_name():
     """The top speed of `inclined` was that of one step before: 176.48 m/s instead of 177.59."""
     coarse, fine = (run(Scene.load("inclined"), "following-p2", elements=8, steps=n, until=0.8) for n in (300, 900))
-    top = [{n.quantity: n for n in design_rows(r)}["speed_max"] for r in (coarse, fine)]
-    assert top[0].s_o == pytest.approx(0.8 * coarse.length, rel=1e-6)
-    assert top[0].value == pytest.approx(top[1].value, rel=2e-4)
+    top, top_of_fine = (rows_by_quantity(r)["speed_max"] for r in (coarse, fine))
+    assert top.s_o == pytest.approx(0.8 * coarse.length, rel=1e-6)
+    assert top.value == pytest.approx(top_of_fine.value, rel=2e-4)
 
 
 @pytest.mark.parametrize("name", ["tramway", "zipline"])
 def test_the_steepest_angle_is_the_largest_up_or_down(name):
     """It was the steepest in the direction that the rope had at first."""
     r = quasi_static(Scene.load(name))
-    found = {n.quantity: n.value for n in design_rows(r)}
+    by = rows_by_quantity(r)
     begin, end = time_span_for_extremes(r, None)
+    inside = (r.t >= begin) & (r.t <= end)
     for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):
-        angle = np.abs(np.degrees(np.arctan(force[:, 1] / force[:, 0])))[(r.t >= begin) & (r.t <= end)]
-        assert found[f"angle_{side}"] == pytest.approx(angle.max(), rel=1e-2)
+        horizontal, vertical = force[inside].T
+        steepest = np.abs(np.degrees(np.arctan(vertical / horizontal))).max()
+        assert by[f"angle_{side}"].value == pytest.approx(steepest, rel=1e-2)
 
 
 def test_a_slack_onset_has_a_bar():
-    found = run_ladder(SCENES["level"], elements=12, steps=1000, until=0.9)
-    (onset,) = (n for n in design_rows(found) if n.quantity == "slack_onset")
-    assert onset.value == found.finest.slack_onset
+    ladder = run_ladder(SCENES["level"], elements=12, steps=1000, until=0.9)
+    onset = rows_by_quantity(ladder)["slack_onset"]
+    assert onset.value == ladder.finest.slack_onset
     assert 0.0 < onset.bar < 0.05
 
 
@@ -161,8 +167,7 @@ def test_the_first_steps_of_a_mass_that_enters_from_rest_are_right():
     how = {"elements": 8, "steps": 300, "scheme": "generalized-alpha", "rho_inf": 0.8, "until": 0.1}
     r = run(Scene.load("cruise"), "following-p2", **how)
     assert r.T_behind[1:].min() > 0.7 * r.horizontal_tension
-    least = next(x for x in design_rows(r) if x.quantity == "tension_min")
-    assert least.value > 0.5 * r.horizontal_tension
+    assert rows_by_quantity(r)["tension_min"].value > 0.5 * r.horizontal_tension
     assert "hidden slack" not in r.flag_kinds
 
 
@@ -176,31 +181,31 @@ def test_work_is_summed_up_to_where_the_travel_breaks_and_from_there():
 # --- what is printed, recomputed ------------------------------------------------------------------------------------
 
 
-def wrong_quantities(found):
+def wrong_quantities(rows):
     """Return what recomputing finds wrong."""
-    return {(x.quantity, x.law) for x in found if not x.gap <= x.allowed}
+    return {(row.quantity, row.law) for row in rows if not row.gap <= row.allowed}
 
 
-def response_with_numbers(found, known):
-    return replace(found.finest, design=[vars(n) for n in known])
+def response_with_numbers(ladder, numbers):
+    return replace(ladder.finest, design=[vars(n) for n in numbers])
 
 
 def test_what_is_printed_is_recomputed(ladder_with_numbers):
-    _, found, known = ladder_with_numbers
-    checked = list(recomputed.recomputed_rows(response_with_numbers(found, known)))
-    assert wrong_quantities(checked) == set()
-    laws = {x.law for x in checked}
-    assert {n.quantity for n in known} <= laws
-    assert {f"{n.quantity} peak" for n in known if n.peak is not None} <= laws
+    _, ladder, numbers = ladder_with_numbers
+    rows = list(recomputed.recomputed_rows(response_with_numbers(ladder, numbers)))
+    assert wrong_quantities(rows) == set()
+    laws = {row.law for row in rows}
+    assert {n.quantity for n in numbers} <= laws
+    assert {f"{n.quantity} peak" for n in numbers if n.peak is not None} <= laws
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_a_design_number_three_percent_off_is_seen(ladder_with_numbers, quantity):
-    _, found, known = ladder_with_numbers
-    r = response_with_numbers(found, known)
+    _, ladder, numbers = ladder_with_numbers
+    r = response_with_numbers(ladder, numbers)
     r.design[:] = [n | {"value": 1.03 * n["value"]} if n["quantity"] == quantity else n for n in r.design]
-    bar = next((n.bar / abs(n.value) for n in known if n.quantity == quantity), np.inf)
-    assert ((("design", quantity) in wrong_quantities(recomputed.recomputed_rows(r))) is True) or bar > 0.02
+    bar = next((n.bar / abs(n.value) for n in numbers if n.quantity == quantity), np.inf)
+    assert bar > 0.02 or ("design", quantity) in wrong_quantities(recomputed.recomputed_rows(r))
 
 
 @pytest.fixture(scope="module")
