@@ -173,6 +173,20 @@ def test_limits_of_a_line_at_rest_are_printed_and_judged(cablefem):
     assert list(readback.limit_table_faults(page, rows[1:]))
 
 
+@pytest.mark.parametrize(
+    ("hauled", "text", "outside"),
+    [
+        ("true", "vorarlberg-goods", False), ("false", "vorarlberg-goods", True),
+        ("true", "skyline", False), ("false", "zip-line", True),
+    ],
+)  # fmt: skip
+def test_a_hauled_load_at_rest_is_within_the_scope_of_texts_on_ropeways_that_haul(cablefem, hauled, text, outside):
+    given = ("--set", f"car.carriage.hauled={hauled}", "--limits", text)
+    code, out, err = cablefem("run", "skyline", *given, "--out", "x")
+    assert (code, err) == (0, "")
+    assert ("outside its scope" in out) is outside
+
+
 def test_a_grid_has_the_worst_limit_of_each_scene(cablefem):
     Path("zip.toml").write_text(ZIP)
     given = ("--set", "mass.mass=60,120", "--set", "limits.safety_factor=3.5", "--out", "x")

@@ -140,6 +140,17 @@ def test_a_temperature_in_kelvin_is_remarked():
     assert note.endswith("were kelvin meant? (20 C)")
 
 
+@pytest.mark.parametrize(
+    ("rope", "meant"),
+    [
+        ("EA = 4e6\ndiameter = 12.0", "cable.diameter = 12 m is that of no rope; were mm meant? (0.012 m)"),
+        ("E = 1e11\nsection = 66.2", "cable.section = 66.2 m2 is that of no rope; were mm2 meant? (6.62e-05 m2)"),
+    ],
+)
+def test_a_rope_measured_in_mm_is_remarked(rope, meant):
+    assert Scene.from_toml(GOOD.replace("EA = 4e6", rope)).notes == [meant]
+
+
 def test_a_ride_without_friction_and_a_hurricane_are_remarked():
     assert Scene.from_toml(GOOD).notes == []
     assert Scene.from_toml(FREE).notes == ["no friction, no drag given: the fastest possible ride"]

@@ -178,6 +178,13 @@ def test_a_bad_file_is_refused_line_by_line(tmp_path, text, said):
         assert any(part in line for line in lines), (part, lines)
 
 
+def test_a_file_without_the_path_of_a_free_ride_is_told_what_such_a_ride_needs(tmp_path):
+    file = tmp_path / "bad.csv"
+    file.write_text("t,x,y_ft\n0,0,0\n1,1,1\n")
+    (line,) = faults_of_refusal(ForeignPath.read, file, Scene.load("zipline"))
+    assert line.startswith("bad.csv: a free ride needs t, s_o or x, and v or y; it has t, x, y_ft; the ending of y_ft")
+
+
 def test_many_bad_cells_make_a_few_lines(tmp_path):
     file = tmp_path / "bad.csv"
     file.write_text("t,v\n" + "".join(f"{i},x\n" for i in range(30)))

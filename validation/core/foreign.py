@@ -164,6 +164,9 @@ def _read_header_and_rows(file: Path, known_columns: Container[str]) -> tuple[li
     raise Refused(f"{file.name}: the file is empty")
 
 
+FREE_RIDE_NEEDS = "a free ride needs t, s_o or x, and v or y"
+
+
 def _header_faults(header: list[str], columns_by_index: dict[int, tuple[str, float]], scene: Scene) -> list[str]:
     """Two columns of one quantity, and quantities that are missing."""
     names: dict[str, list[str]] = {}
@@ -172,11 +175,19 @@ def _header_faults(header: list[str], columns_by_index: dict[int, tuple[str, flo
     twice = {quantity: x for quantity, x in names.items() if len(x) > 1}
     faults = [f"columns {' and '.join(x)} both say {quantity}; leave one" for quantity, x in twice.items()]
     have = f"it has {', '.join(header)}{_unknown_endings_text(header, names)}"
+    if scene.drive.mode == "free":
+        if not _tells_a_free_ride(names):
+            faults.append(f"{FREE_RIDE_NEEDS}; {have}")
+        return faults
     if not {"v", "y"} & names.keys():
         faults.append(f"no column v (deflection of the mass [m], positive down); {have}")
-    if scene.drive.mode != "free" and not {"t", "s_o"} & names.keys():
+    if not {"t", "s_o"} & names.keys():
         faults.append(f"neither a column t [s] nor s_o [m]; {have}")
     return faults
+
+
+def _tells_a_free_ride(names: Container[str]) -> bool:
+    return "t" in names and ("s_o" in names or "x" in names) and ("v" in names or "y" in names)
 
 
 def _unknown_endings_text(header: Sequence[str], found: Container[str]) -> str:
@@ -223,8 +234,8 @@ def _float_or_nan(cell: str) -> float:
 def _completed_columns(scene: Scene, columns: dict[str, Array], row_names: Sequence[str]) -> dict[str, Any]:
     """The given columns with all of t, s_o, x, y, u, v that follow from them; Refused where they are no path."""
     if scene.drive.mode == "free":
-        if not ("t" in columns and columns.keys() & {"s_o", "x"} and columns.keys() & {"v", "y"}):
-            raise Refused(f"a free ride needs t, s_o or x, and v or y; it has {', '.join(columns)}")
+        if not _tells_a_free_ride(columns):
+            raise Refused(f"{FREE_RIDE_NEEDS}; it has {', '.join(columns)}")
     elif scene.groups.motion is None:
         raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
     _refuse_not_increasing("t" if "t" in columns else "s_o", columns, row_names)

@@ -111,18 +111,21 @@ def limit_scope_sentences(scene: Scene | Line) -> list[str]:
     out = []
     for name in scene.limits.use:
         text = TEXTS[name]
-        outside = "" if _drive_modes(scene) <= set(text["modes"]) else "; this scene is outside its scope"
+        inside = any(modes <= set(text["modes"]) for modes in _drive_modes(scene))
+        outside = "" if inside else "; this scene is outside its scope"
         out.append(f"{text['source']}: for {text['scope']}{outside}")
     if isinstance(scene, Line) and not scene.moves and all(car.at is not None for car in scene.car):
         out.append("at the given positions of the cars; without `at` each number is that of its worst place")
     return out
 
 
-def _drive_modes(scene: Scene | Line) -> set[str]:
-    """Drive modes of all cars; "rest" of a line at rest."""
+def _drive_modes(scene: Scene | Line) -> list[set[str]]:
+    """Drive modes of all cars; of a line at rest also "rest", for texts on that alone."""
     if isinstance(scene, Scene):
-        return {scene.drive.mode}
-    return {car.mode for car in scene.car} if scene.moves else {"rest"}
+        return [{scene.drive.mode}]
+    if scene.moves:
+        return [{car.mode for car in scene.car}]
+    return [{"rest"}, {"haul" if car.hauled else "grip" for car in scene.car}]
 
 
 class _ComputedDemandValues:

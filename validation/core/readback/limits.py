@@ -14,11 +14,12 @@ from validation.core.scene_data import ROUNDING
 LIMIT_VERDICT = r"(met|not met|too close to tell|cannot be judged: .*|not computed.*)$"
 
 
-def expected_scope_sentences(names: Iterable[str], modes: set[str]) -> Iterator[str]:
-    """What texts of limits are for, and whether a scene whose cars move in these modes is that."""
+def expected_scope_sentences(names: Iterable[str], *either: set[str]) -> Iterator[str]:
+    """What texts of limits are for, and whether a scene whose cars move in either of these sets of modes is that."""
     for name in names:
         text = read_package_toml("cablefem.scene", "limits.toml")["text"][name]
-        outside = "" if modes <= set(text["modes"]) else "; this scene is outside its scope"
+        inside = any(modes <= set(text["modes"]) for modes in either)
+        outside = "" if inside else "; this scene is outside its scope"
         yield f"{text['source']}: for {text['scope']}{outside}"
 
 

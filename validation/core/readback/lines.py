@@ -75,8 +75,10 @@ def _sentences_beside_tables(summary: Row, judged: Sequence[Row]) -> Iterator[st
 def _line_scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
     """What the texts of the limits are for, and whether the line is that."""
     cars = scene.get("car", [])
-    modes = {"rest"} if at_rest else {car.get("drive", {}).get("mode", "grip") for car in cars}
-    yield from expected_scope_sentences(scene.get("limits", {}).get("use", []), modes)
+    either = [{car.get("drive", {}).get("mode", "grip") for car in cars}]
+    if at_rest:
+        either = [{"rest"}, {"haul" if car.get("hauled") else "grip" for car in cars}]
+    yield from expected_scope_sentences(scene.get("limits", {}).get("use", []), *either)
     if all("at" in car for car in cars):
         yield "at the given positions of the cars; without `at` each number is that of its worst place"
 
