@@ -219,8 +219,8 @@ class RollingCar(System):
 
     def _position_event_values(self, s_o: float) -> tuple[float, float, float, float]:
         drive = self.drive
-        n = self.mode.brakes_reached
         mode = self.mode
+        n = mode.brakes_reached
         turns_at_standstill_only = self.friction_or_brake_acts and not mode.awaits_waves
         direction = mode.heading if turns_at_standstill_only else 0.0
         ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) and direction >= 0.0 else math.inf

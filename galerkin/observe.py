@@ -235,12 +235,10 @@ def _chord_tensions_and_strain_energy(cable: ChordCable, x: Measures, s: Array, 
         tables = cable.tables_at(x.system.basis, s_o)
         values.append(cable.strain_energy_and_tension_rise(tables, Q))
     strain, h = np.array(values).T
-    static_tension = cable.groups.tension_and_slope(s).T
-    static_tension_at_mass = cable.groups.tension_and_slope(x.s_o).T
-    at_mass = static_tension_at_mass + h
-    forces = {"T": static_tension + h[frames, None], "strain": strain}
-    forces["T_behind"] = np.where(x.s_o > 0.0, at_mass, np.nan)
-    forces["T_ahead"] = np.where(x.s_o < 1.0, at_mass, np.nan)
-    forces["tension_min"] = cable.static_min_tension + h
-    forces["tension_min_at"] = np.full(h.shape, cable.min_tension_at)
-    return forces
+    T = cable.groups.tension_and_slope(s).T + h[frames, None]
+    at_mass = cable.groups.tension_and_slope(x.s_o).T + h
+    return {
+        "T": T, "T_behind": np.where(x.s_o > 0.0, at_mass, np.nan), "T_ahead": np.where(x.s_o < 1.0, at_mass, np.nan),
+        "tension_min": cable.static_min_tension + h, "tension_min_at": np.full(h.shape, cable.min_tension_at),
+        "strain": strain,
+    }  # fmt: skip

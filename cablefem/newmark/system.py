@@ -136,11 +136,11 @@ def newmark_step(
         q, v, a = w * end_out + from_start
         return system.linearise(t, q, v, a, phase, (c0, c1, c2))
 
-    def update(da: Array) -> None:
+    def subtract(da: Array) -> None:
         np.subtract(end_out, c * da, out=end_out)
 
     with np.errstate(over="ignore", invalid="ignore"):
-        return find_root(residual, linearise, update, newton)
+        return find_root(residual, linearise, subtract, newton)
 
 
 def consistent_acceleration(system: System, t: float, q: Array, v: Array, phase: int) -> State:
