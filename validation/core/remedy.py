@@ -91,8 +91,8 @@ class Remedies:
         try:
             changed = change.applied_to(self.path, self.scene, amount)
             if changed.u is None:
-                pair = foreign.with_zero_u_and_x(changed), foreign.with_zero_u_and_x(run)
-                return measures.relative_path_gap(*pair, self.window).rms
+                changed = foreign.with_zero_u_and_x(changed)
+                run = foreign.with_zero_u_and_x(run)
             return measures.relative_path_gap(changed, run, self.window).rms
         except (NotComparable, Refused):
             return 1e6  # nothing can be compared; finite, for the search

@@ -39,7 +39,8 @@ class View:
         top_speed = 0.0
         reaches_end = True
         if motion is not None:
-            axis = "time" if motion.standstill_phases else "place"
+            if not motion.standstill_phases:
+                axis = "place"
             top_speed = motion.top_speed * scene.length / scene.time_scale
             reaches_end = motion.end_position < high
             high = min(high, motion.end_position)

@@ -20,7 +20,7 @@ PACKED = 65535  # steps between the extremes of a packed series
 
 
 def side_view_faults(view: dict[str, Any], stored: StoredResults) -> Faults:
-    """Faults of the path, the marks of speed, the scene and the moving ropes of a side view."""
+    """Faults of the path, the labels of speed, the scene and the moving ropes of a side view."""
     run = stored.runs[0]
     path = path_csv_columns(run)
     points = np.stack([path["x"], path["y"]], axis=1)  # (n, 2)
