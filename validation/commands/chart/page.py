@@ -38,7 +38,7 @@ def _error_label(chart: Row, quantity: str) -> str:
     return "distance of the rider / (length / 10)" if free else "error of the mass path / deflection"
 
 
-def _title_of_chart_with(r: Row) -> str:
+def _chart_title(r: Row) -> str:
     """The title of the chart that shows a row: each has few enough lines."""
     if r["kind"] != "method":
         known = {"integrator": "integration in time", "model": "cheaper models"}
@@ -54,7 +54,7 @@ def _work_precision_charts(chart: Row, quantity: str, work: str) -> Iterator[Mar
     charts: dict[str, dict[str, list[Row]]] = {}  # rows by title and series
     for r in _rows_with_error_and_work(chart, quantity, work):
         if work == "seconds" or r["kind"] in OURS:
-            rows_by_series = charts.setdefault(_title_of_chart_with(r), {})
+            rows_by_series = charts.setdefault(_chart_title(r), {})
             rows_by_series.setdefault(r["series"], []).append(r)
     for title, rows_by_series in charts.items():
         figure = draw_work_precision(chart, quantity, work, title, rows_by_series)

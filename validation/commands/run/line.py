@@ -129,8 +129,8 @@ def _numbers_at_contact(rest: LineRest, position: int, contact_index: int) -> Ro
         out[f"load_down:{name}"] = load_down
         out[f"pressure:{name}"] = math.hypot(across, down)
         out[f"pressure_down:{name}"] = down
-        out[f"knee:{name}"] = _degrees_of_bend_down(state, k)
-        out[f"knee_empty:{name}"] = _degrees_of_bend_down(rest.empty, contact_index)
+        out[f"knee:{name}"] = _downward_bend_degrees(state, k)
+        out[f"knee_empty:{name}"] = _downward_bend_degrees(rest.empty, contact_index)
         out[f"direction:{name}"] = math.degrees(math.atan2(across, down))
         out[f"rope_over:{name}"] = float(rest.empty.s[contact_index] - state.s[k])
     elif contact.kind == "counterweight":
@@ -142,7 +142,7 @@ def _numbers_at_contact(rest: LineRest, position: int, contact_index: int) -> Ro
     return out
 
 
-def _degrees_of_bend_down(state: LineState, station: int) -> float:
+def _downward_bend_degrees(state: LineState, station: int) -> float:
     """Angle [deg] by which the rope bends down at a station."""
     behind, ahead = (math.atan2(pulls[station, 1], pulls[station, 0]) for pulls in (state.behind, state.ahead))
     return math.degrees(ahead - behind)
