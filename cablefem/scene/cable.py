@@ -109,6 +109,23 @@ class Rope(Part):
         return self.ice or 0.0
 
     @property
+    def notes(self) -> list[str]:
+        """Remarks on values probably given in another unit."""
+        notes = []
+        for name in ("temperature", "reference_temperature"):
+            warm = getattr(self, name)
+            if warm is not None and warm > 100.0:  # C
+                celsius = f"{warm - 273.15:.3g} C"
+                notes.append(f"cable.{name} = {warm:g} C is hotter than water boils; were kelvin meant? ({celsius})")
+        thickest = {"diameter": (0.3, "m", 1e-3), "section": (0.05, "m2", 1e-6)}  # and what mm are in m
+        for name, (most, unit, si) in thickest.items():
+            value = getattr(self, name)
+            if value is not None and value > most:
+                meant = f"were m{unit} meant? ({value * si:.3g} {unit})"
+                notes.append(f"cable.{name} = {value:g} {unit} is that of no rope; {meant}")
+        return notes
+
+    @property
     def diameter_with_ice(self) -> float:
         """Diameter [m] with ice."""
         assert self.diameter is not None

@@ -334,6 +334,11 @@ class Line(Described):
         return faults + obstacle_faults(self.obstacle or (), contacts[-1].at[0])
 
     @property
+    def notes(self) -> list[str]:
+        """Remarks on values probably mistaken."""
+        return self.cable.notes
+
+    @property
     def position_count(self) -> int:
         """Number of positions of the cars."""
         return max((len(car.x_at_rest) for car in self.car), default=1)

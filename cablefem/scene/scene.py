@@ -225,18 +225,7 @@ class Scene(Described):
         if abs(drive.wind) > 40.0:  # m/s
             kmh = drive.wind / 3.6
             notes.append(f"drive.wind = {drive.wind:g} m/s is a hurricane; were km/h meant? ({kmh:.3g} m/s)")
-        for name in ("temperature", "reference_temperature"):
-            warm = getattr(self.cable, name)
-            if warm is not None and warm > 100.0:  # C
-                celsius = f"{warm - 273.15:.3g} C"
-                notes.append(f"cable.{name} = {warm:g} C is hotter than water boils; were kelvin meant? ({celsius})")
-        thickest = {"diameter": (0.3, "m", 1e-3), "section": (0.05, "m2", 1e-6)}  # and what mm are in m
-        for name, (most, unit, si) in thickest.items():
-            value = getattr(self.cable, name)
-            if value is not None and value > most:
-                meant = f"were m{unit} meant? ({value * si:.3g} {unit})"
-                notes.append(f"cable.{name} = {value:g} {unit} is that of no rope; {meant}")
-        return notes
+        return notes + self.cable.notes
 
     @property
     def rho(self) -> float:

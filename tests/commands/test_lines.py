@@ -3,11 +3,12 @@
 import csv
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cablefem import Scene
+from cablefem import Line, Scene
 from tests.commands.calls import fault_lines
 from tests.line.lines import THREE, TRAMWAY, car, contact, line
 from validation.commands.check.line import check_line
@@ -170,6 +171,14 @@ def test_a_self_test_without_a_car_is_refused(cablefem, tmp_path):
     code, out, err = cablefem("check", "bare.toml", "--self-test")
     assert (code, out) == (2, "")
     assert "--self-test: plants its fault in the mass of a car" in err
+
+
+def test_a_rope_of_a_line_measured_in_mm_is_remarked(cablefem):
+    line = Line.load("two-span").replace({"cable.diameter": 45.0})
+    Path("thick.toml").write_text(line.to_toml())
+    code, out, err = cablefem("run", "thick.toml")
+    assert (code, err) == (0, "")
+    assert out.startswith("two-span: cable.diameter = 45 m is that of no rope; were mm meant? (0.045 m)")
 
 
 @pytest.mark.parametrize("tol", ["1e-10", "0.1", "nan"])

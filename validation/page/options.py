@@ -62,14 +62,18 @@ def load_scene_or_refuse(name: str, earlier_faults: Sequence[str] = (), *, needs
 
 
 def load_line_or_refuse(name: str) -> Line | None:
-    """The line of that name; None if it is a scene of one span; Refused with its faults."""
+    """The line of that name, its notes printed; None if it is a scene of one span; Refused with its faults."""
     from cablefem.scene import SceneError
     from cablefem.scene.short import load_line_or_none
 
     try:
-        return load_line_or_none(name)
+        line = load_line_or_none(name)
     except SceneError as error:
         raise store.Refused([f"{name}: {fault}" for fault in error.faults]) from None
+    if line is not None:
+        for note in line.notes:
+            terminal.print_text(f"{line.name}: {note}")
+    return line
 
 
 def tolerance_faults(value: float | None, name: str = "--tol", low: float = 1e-6, high: float = 0.2) -> list[str]:
