@@ -238,8 +238,7 @@ class CableElements(System):
 
     def _mass_kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history (n, 3)."""
-        kinematics = self.motion.positions_with_rates(states.t, states.phase)
-        return np.ascontiguousarray(kinematics.T)
+        return np.ascontiguousarray(self.motion.positions_with_rates(states.t, states.phase).T)
 
     def _nodal_values(self, history: Array, dofs: Any, row: Any = slice(None)) -> Array:
         """Scalar unknowns `dofs` (...) of the cable in a history (n, n_dof), (n, ..., fields); 0 at supports, -1.

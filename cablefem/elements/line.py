@@ -108,7 +108,7 @@ class _LineBatch:
         self.stations = [p for case in self.cases for p in case.stations]
         counts = [len(case.stations) for case in self.cases]
         self.owner = np.repeat(np.arange(len(counts)), counts)  # case of each station
-        self.last = np.cumsum(counts) - 1  # station of each case
+        self.last = np.cumsum(counts) - 1  # last station of each case
         self.left = np.delete(np.arange(self.owner.size), self.last)  # station at the left end of each piece
         self.pieces = self.left.size
         begins = 2.0 * np.arange(self.pieces)
@@ -130,8 +130,7 @@ class _LineBatch:
     def _set_unknowns(self) -> None:
         """Number the unknowns, and set T and w0."""
         N = self.basis.N
-        prescribed = [np.column_stack([case.points_or_nan, case.s_or_nan]) for case in self.cases]
-        self.prescribed = np.concatenate(prescribed)
+        self.prescribed = np.concatenate([np.column_stack([case.points_or_nan, case.s_or_nan]) for case in self.cases])
         free = np.isnan(self.prescribed)
         self.number = np.where(free, np.cumsum(free).reshape(free.shape) - 1, -1)
         # (u_x, u_y, h) of the piece behind each station and ahead; -1: no piece
@@ -158,8 +157,7 @@ class _LineBatch:
             columns.append(self.number[moving])
             entries.append(signs[moving])
         positions = np.concatenate(rows), np.concatenate(columns)
-        T = coo_matrix((np.concatenate(entries), positions), (self.w0.size, self.size))
-        self.T = T.tocsr()
+        self.T = coo_matrix((np.concatenate(entries), positions), (self.w0.size, self.size)).tocsr()
         of_nodes = np.empty(N, int)
         of_nodes[self.basis.element_dofs] = np.repeat(self.owner[self.left], self.elements)
         of_stations = np.repeat(self.owner, 3)[free.ravel()]

@@ -142,8 +142,7 @@ def _rope_and_spring_energy(x: _History) -> Array:
         support = x.system.line.supports[k]
         if support.stiffness is not None:
             away = x.contact_points(k, x.q) - support.point
-            stiffness = np.array(support.stiffness)
-            energy = energy + 0.5 * np.sum(stiffness * away**2, axis=1)
+            energy = energy + 0.5 * np.sum(np.array(support.stiffness) * away**2, axis=1)
     return energy
 
 

@@ -79,11 +79,7 @@ class LineElements(LineBalance):
         self.set_travel_directions(phase)
         if state is not None:
             return consistent_acceleration(self, t, state.q, state.v, phase)
-        from cablefem.elements.rest import (
-            car_loads_at_rest,
-            coordinates_at_rest,
-            resting_coordinates_with_forces,
-        )
+        from cablefem.elements.rest import car_loads_at_rest, coordinates_at_rest, resting_coordinates_with_forces
 
         q = coordinates_at_rest(self, t, phase)
         v = np.zeros(self.size)
