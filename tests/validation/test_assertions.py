@@ -107,12 +107,12 @@ def test_answers_that_share_nothing_cannot_be_compared(fine_run):
 
 
 def test_the_fixture_checks_a_line_once_and_asserts_its_verdict():
-    told = []
-    checked = asserting_check(lambda *words: told.append(words), {})
+    reports = []
+    checked = asserting_check(lambda *words: reports.append(words), {})
     line = lines.line(*lines.WEIGHED, name="weighed")
     assert checked(line) is checked(line)
-    assert told[0] == told[1]
-    assert told[0][0].startswith("weighed, catenaries and elements: ")
+    assert reports[0] == reports[1]
+    assert reports[0][0].startswith("weighed, catenaries and elements: ")
     fault = check_line(line, second=line.replace({"car.grip.mass": "+1%"}))
     with pytest.raises(AssertionError, match=r"weighed: disagree\n  \w+: gap "):
         asserting_check(lambda *words: None, {(line.to_toml(), None): fault})(line)
@@ -149,13 +149,13 @@ def test_a_solver_that_returns_no_path_is_told_what_to_return(answer):
 
 
 def test_a_solver_with_v_up_is_told_so(third_party_check):
-    with pytest.raises(Refused, match="v points the other way") as told:
+    with pytest.raises(Refused, match="v points the other way") as raised:
         check_solver(
             LEVEL,
             lambda scene: (stored_opensees_path(scene)[0], -stored_opensees_path(scene)[1]),
             ours=third_party_check,
         )
-    assert "s_o and v in m, v down; in a file a column may be" in str(told.value)  # a function has no columns
+    assert "s_o and v in m, v down; in a file a column may be" in str(raised.value)  # a function has no columns
 
 
 def test_a_solver_whose_v_is_half_too_large_disagrees(third_party_check, fine_run):

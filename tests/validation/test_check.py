@@ -103,9 +103,9 @@ def test_rows_that_are_too_coarse_say_which_tolerance_would_do():
 
 
 def test_a_row_says_its_bars_and_what_was_asked():
-    told = agreement_row(0.2, (0.3, INF), 1.0).to_json()
-    assert (told["bar_a"], told["bar_b"], told["allowed"]) == (0.3, None, None)
-    assert (told["asked_for"], told["asked"], told["verdict"]) == (1.0, True, "too coarse")
+    row = agreement_row(0.2, (0.3, INF), 1.0).to_json()
+    assert (row["bar_a"], row["bar_b"], row["allowed"]) == (0.3, None, None)
+    assert (row["asked_for"], row["asked"], row["verdict"]) == (1.0, True, "too coarse")
     assert agreement_row(0.2, (0.3, 0.1), 1.0, decides=False).to_json()["verdict"] is None
 
 

@@ -22,7 +22,7 @@ from validation.page import page
 MEANING = {"read off": [0.01, "read off the figure"]}
 
 
-class Told:
+class LadderWithBar:
     """A converged run that is a number, with its bar."""
 
     def __init__(self, bar):
@@ -31,7 +31,7 @@ class Told:
 
 def claim_quantity(value, bar=0.0, paper=None, **entry):
     """Return one quantity as claims.toml would have it."""
-    names = {"level": value, "reference": {"level": Told(bar)}, "runs": {}, "printed": paper}
+    names = {"level": value, "reference": {"level": LadderWithBar(bar)}, "runs": {}, "printed": paper}
     entry |= {} if paper is None else {"paper": "printed"}
     (found,) = judged.converged_and_paper_value_rows(
         {"name": "x", "value": "level", "of": ["level"], **entry}, MEANING, names
@@ -242,7 +242,7 @@ def test_the_paper_redone(tmp_path):
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert all(f'id="claim-{i}"' in text for i in found)
     assert "Dynamics of an Elastic Cable Carrying a Moving Mass Particle" in text
-    silent = lambda *told: None  # noqa: E731
+    silent = lambda *progress: None  # noqa: E731
     again = runs.make_or_load_runs(tmp_path, silent)
     beyond = known.compute_or_load_numbers(again, tmp_path / "numbers.jsonl", silent)
     assert judged.judged_claims(known.expression_variables(again, beyond)) == content["claims"]

@@ -59,13 +59,18 @@ def test_a_solver_is_what_the_contract_says(name):
     assert np.isfinite(value)
     assert 0.0 <= s <= 1.0
     history = solver.states_over_time(stack_states(states))
-    seen = solver.observe(history, np.linspace(0.0, 1.0, 7), np.array([1, 3]))
-    assert isinstance(seen, Observation)
-    np.testing.assert_allclose(seen.s_o, places, rtol=1e-9, atol=1e-12)
-    for values, shape in ((seen.path, (4, 2)), (seen.T_ahead, (4,)), (seen.energy, (4,)), (seen.T, (2, 7))):
+    observed = solver.observe(history, np.linspace(0.0, 1.0, 7), np.array([1, 3]))
+    assert isinstance(observed, Observation)
+    np.testing.assert_allclose(observed.s_o, places, rtol=1e-9, atol=1e-12)
+    for values, shape in (
+        (observed.path, (4, 2)),
+        (observed.T_ahead, (4,)),
+        (observed.energy, (4,)),
+        (observed.T, (2, 7)),
+    ):
         assert values.shape == shape
         assert np.isfinite(values).all()
-    np.testing.assert_allclose(seen.u[:, [0, -1]], 0.0, rtol=0.0, atol=1e-15)  # held at the supports
+    np.testing.assert_allclose(observed.u[:, [0, -1]], 0.0, rtol=0.0, atol=1e-15)  # held at the supports
 
 
 @every

@@ -151,7 +151,7 @@ def test_a_run_that_ends_before_its_first_frame_is_recomputed():
     """Must fail: a number that it cannot have."""
     r = run(Scene.load("level"), "following-p2", steps=200, until=1e-9)
     assert r.fields.t.size == 0
-    told = replace(r, design=design_numbers(r))
-    assert all(row.gap <= row.allowed for row in recomputed.recomputed_rows(told))
+    with_numbers = replace(r, design=design_numbers(r))
+    assert all(row.gap <= row.allowed for row in recomputed.recomputed_rows(with_numbers))
     speed = {"quantity": "speed", "value": 1e6, "bar": 0.0, "unit": "m/s", "s_o": None}
     assert not all(row.gap <= row.allowed for row in recomputed.recomputed_rows(replace(r, design=[speed])))

@@ -207,12 +207,12 @@ def with_fault_past(place, **factors):
     return change
 
 
-@pytest.mark.parametrize(("since", "told"), [(0.801, Verdict.AGREE), (0.77, Verdict.DISAGREE)])
-def test_means_over_an_axial_round_trip_end_with_the_window(since, told):
+@pytest.mark.parametrize(("since", "verdict"), [(0.801, Verdict.AGREE), (0.77, Verdict.DISAGREE)])
+def test_means_over_an_axial_round_trip_end_with_the_window(since, verdict):
     """Past it a run may be anything; its companions end there."""
     a, b = right_answers()
     wild = a.map(with_fault_past(since, T_behind=7.0))
-    assert rows_between_answers(wild, b)[("tension_behind", AXIAL_MEAN)].verdict is told
+    assert rows_between_answers(wild, b)[("tension_behind", AXIAL_MEAN)].verdict is verdict
 
 
 def one_sample_late(x):

@@ -86,8 +86,8 @@ def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(pl
     for file in ("assertions.py", "foreign.py", "study.py", "testing.py"):
         assert file not in plugin_outcome.stdout.str(), "frames of the library are hidden"
     assert "nan: v[0] is not a finite number" in plugin_outcome.stdout.str()
-    told = plugin_outcome.stdout.str().partition("= agreement of cable solvers =")[2].splitlines()
-    lines = {line.rpartition("::")[2].rstrip(")"): line for line in told if "::" in line and " (" in line}
+    printed = plugin_outcome.stdout.str().partition("= agreement of cable solvers =")[2].splitlines()
+    lines = {line.rpartition("::")[2].rstrip(")"): line for line in printed if "::" in line and " (" in line}
     assert lines["test_right"].startswith("agree          right and following-p2: path_max ")
     assert lines["test_wrong"].startswith("disagree       wrong and following-p2: path_max: gap 0.")
     assert lines["test_checked"].startswith("agree          level, solver: ")

@@ -164,9 +164,9 @@ def test_a_mass_that_is_lifted_all_the_way_has_no_bar():
     """Relative to no deflection any error would be infinite."""
     ladder = run_with_error_bars(LEVEL, "following-p2", elements=9, steps=80, until=0.8)
     lifted = replace(ladder, finest=replace(ladder.finest, v=-np.abs(ladder.finest.v), path_error=None))
-    told = module.with_error_bars(lifted, module.View.of_scene(LEVEL)).finest
-    assert told.path_error is None
-    assert any(x.kind == "no bar" and "no deflection" in str(x) for x in told.flags)
+    finest = module.with_error_bars(lifted, module.View.of_scene(LEVEL)).finest
+    assert finest.path_error is None
+    assert any(x.kind == "no bar" and "no deflection" in str(x) for x in finest.flags)
 
 
 def test_the_largest_deflection_of_a_slack_cable_is_that_before_it_flings_the_mass():

@@ -117,26 +117,26 @@ def test_speed_is_compared_until_a_lasting_stop(wrong_from, verdict):
 
 def test_events_have_bars():
     a, b = ride_answers()
-    told = {x["event"]: x for x in events_with_bars(a)}
+    events = {x["event"]: x for x in events_with_bars(a)}
     for name in ("brake", "arrival"):
-        assert 0.0 < told[name]["bar_t"] < 0.05
-        assert 0.0 < told[name]["bar_speed"] < 0.05
+        assert 0.0 < events[name]["bar_t"] < 0.05
+        assert 0.0 < events[name]["bar_speed"] < 0.05
         other = next(x for x in b.finest.events if x["event"] == name)
-        assert abs(other["speed"] - told[name]["speed"]) < 0.05
+        assert abs(other["speed"] - events[name]["speed"]) < 0.05
 
 
 def test_events_after_the_first_of_their_kind_have_bars_where_coarser_runs_have_them():
     def turning(r, *times):
         return replace(r, events=[{"event": "turn", "t": t, "s_o": 20.0, "speed": 0.0} for t in times])
 
-    def told(*times):
+    def turn_time_bars(*times):
         e = ride_answers()[0].map(lambda r: turning(r, 1.0, 3.0))
         space = replace(e.space, runs=(turning(e.space.runs[0], *times), *e.space.runs[1:]))
         return [x["bar_t"] for x in events_with_bars(replace(e, space=space))]
 
-    first, second = told(1.0, 3.1)
+    first, second = turn_time_bars(1.0, 3.1)
     assert second > first + 0.1
-    assert told(1.0)[1] is None, "a bar of an event that a coarser run does not know"
+    assert turn_time_bars(1.0)[1] is None, "a bar of an event that a coarser run does not know"
 
 
 def test_bars_of_events_are_at_least_the_gap_to_the_other_solver():

@@ -23,44 +23,44 @@ def job_named(name):
 @pytest.mark.parametrize("cores", [1, 2])
 def test_results_come_in_order_and_progress_is_passed_on(monkeypatch, cores):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)), raising=False)
-    told = []
-    names, pids = zip(*run_in_parallel([job_named("a"), job_named("b")], lambda *x: told.append(x)), strict=True)
+    results = []
+    names, pids = zip(*run_in_parallel([job_named("a"), job_named("b")], lambda *x: results.append(x)), strict=True)
     assert names == ("a", "b")
-    assert sorted(told) == [("a", 0.5), ("b", 0.5)]
+    assert sorted(results) == [("a", 0.5), ("b", 0.5)]
     assert (pids == (os.getpid(), os.getpid())) == (cores == 1 or not sidebyside._can_fork())
 
 
 @pytest.mark.parametrize("cores", [1, 2, 7])
 def test_every_item_is_worked_on_once_and_told_as_it_is_done(monkeypatch, cores):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)), raising=False)
-    told = []
-    map_in_parallel(lambda x: 10 * x, [3, 1, 2], lambda i, result: told.append((i, result)))
-    assert sorted(told) == [(0, 30), (1, 10), (2, 20)]
-    map_in_parallel(failing_job, [], lambda *what: told.append(what))
-    assert len(told) == 3
+    results = []
+    map_in_parallel(lambda x: 10 * x, [3, 1, 2], lambda i, result: results.append((i, result)))
+    assert sorted(results) == [(0, 30), (1, 10), (2, 20)]
+    map_in_parallel(failing_job, [], lambda *what: results.append(what))
+    assert len(results) == 3
     with pytest.raises(ValueError, match="on purpose"):
-        map_in_parallel(failing_job, [1, 2], lambda *what: told.append(what))
+        map_in_parallel(failing_job, [1, 2], lambda *what: results.append(what))
 
 
 @forks
 def test_an_interrupt_of_the_terminal_is_answered_by_the_first_process_alone(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
-    told = []
-    map_in_parallel(lambda x: os.kill(os.getpid(), signal.SIGINT), [1, 2], lambda *what: told.append(what))
-    assert sorted(told) == [(0, None), (1, None)]
+    results = []
+    map_in_parallel(lambda x: os.kill(os.getpid(), signal.SIGINT), [1, 2], lambda *what: results.append(what))
+    assert sorted(results) == [(0, None), (1, None)]
 
 
 @forks
 def test_a_forked_process_forks_no_further(monkeypatch):
     """A grid keeps every core busy with points; two solvers beside each other in each would only get in the way."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
-    told = []
+    results = []
     map_in_parallel(
         lambda x: (os.getpid(), [pid for _, pid in run_in_parallel([job_named(x), job_named(x)])]),
         [1, 2],
-        lambda i, r: told.append(r),
+        lambda i, r: results.append(r),
     )
-    assert all(mine != os.getpid() and within == [mine, mine] for mine, within in told)
+    assert all(mine != os.getpid() and within == [mine, mine] for mine, within in results)
 
 
 def failing_job(report):

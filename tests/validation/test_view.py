@@ -16,10 +16,10 @@ TABLE = {"kind": "table", "times": [0.0, 4.0, 8.0], "positions": [0.0, 60.0, 100
 
 
 def run_with(**changes: Any) -> Any:
-    told = {"method": "one", "drive": "grip", "t": [0.0, 9.0], "reached": 1.0, "slack_onset": None}
-    told |= {"status": "complete"} | changes
-    onset = told["slack_onset"]
-    return SimpleNamespace(**told, slack_onset_or_inf=math.inf if onset is None else onset)
+    fields = {"method": "one", "drive": "grip", "t": [0.0, 9.0], "reached": 1.0, "slack_onset": None}
+    fields |= {"status": "complete"} | changes
+    onset = fields["slack_onset"]
+    return SimpleNamespace(**fields, slack_onset_or_inf=math.inf if onset is None else onset)
 
 
 def test_a_travel_is_compared_over_place_and_a_ride_over_time() -> None:
