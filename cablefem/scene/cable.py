@@ -236,4 +236,6 @@ def stretch_fault(gravity: float, cable: Cable, supports: Supports) -> str:
         return ""
     shape = next(f"cable.{name} = {value!r}" for name in SHAPES if (value := getattr(cable, name)) is not None)
     why = "or the cable hangs at more than twice its unstretched length"
-    return f"cable.EA = {cable.EA!r}: must be > {largest:.6g} N, the largest static tension with {shape}, {why}"
+    source = " (E section)" if (cable.E or 0.0) * (cable.section or 0.0) == cable.EA else ""
+    must = f"must be > {largest:.6g} N, the largest static tension with {shape}"
+    return f"cable.EA = {cable.EA!r}{source}: {must}, {why}"

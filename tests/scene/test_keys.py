@@ -151,6 +151,11 @@ def test_a_rope_measured_in_mm_is_remarked(rope, meant):
     assert Scene.from_toml(GOOD.replace("EA = 4e6", rope)).notes == [meant]
 
 
+def test_a_modulus_in_GPa_is_refused_as_what_was_written():
+    fault, *_ = scene_faults(GOOD.replace("EA = 4e6", "E = 100.0\nsection = 50e-6"))
+    assert fault.startswith("cable.EA = 0.005 (E section): must be > ")
+
+
 def test_a_ride_without_friction_and_a_hurricane_are_remarked():
     assert Scene.from_toml(GOOD).notes == []
     assert Scene.from_toml(FREE).notes == ["no friction, no drag given: the fastest possible ride"]
