@@ -183,7 +183,7 @@ class MassPath:
         return float(self.s_o[-1] / self.length)
 
     @property
-    def slack_onset_or_inf(self) -> float:
+    def slack_onset_position_or_inf(self) -> float:
         """s_o/l of the slack onset, or infinite."""
         return math.inf if self.slack_onset is None else self.slack_onset
 
@@ -197,7 +197,7 @@ class MassPath:
     @property
     def max_deflection(self) -> float:
         """Largest v [m]; of a given travel past midspan only while taut."""
-        onset = math.inf if self.drive == "free" else self.slack_onset_or_inf
+        onset = math.inf if self.drive == "free" else self.slack_onset_position_or_inf
         considered = self.v[self.s_o <= max(onset, 0.5) * self.length]
         return float(considered.max(initial=self.v[0]))
 

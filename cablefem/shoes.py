@@ -102,7 +102,7 @@ def _passages_of_contact(line: MovingLine, k: int, supports: Mapping[str, Contac
                 yield Passage(car.name, "lands on the shoe of", neighbour)
 
 
-def passage_exists_between(passages: Sequence[Passage], left: str, right: str) -> bool:
+def car_may_pass_saddle(passages: Sequence[Passage], left: str, right: str) -> bool:
     """Whether one of two neighbours, by name, is a car that may pass the other, a saddle."""
     return any({p.car, p.saddle.name} == {left, right} for p in passages)
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from cablefem.scene.contacts import Contact, MovingLine, lift_off_event_name, meeting_event_name
-from cablefem.shoes import passage_exists_between, possible_passages
+from cablefem.shoes import car_may_pass_saddle, possible_passages
 from galerkin.bodies import Body, CarBody, Saddle
 
 
@@ -36,7 +36,7 @@ class WatchedEvents:
         segments = []
         for i, (left, right) in enumerate(pairwise(names)):
             beside_car = i in fronts or i + 1 in cars
-            if beside_car and i not in between_wheels and not passage_exists_between(self.passages, left, right):
+            if beside_car and i not in between_wheels and not car_may_pass_saddle(self.passages, left, right):
                 segments.append(i)
         return segments
 

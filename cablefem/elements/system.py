@@ -14,7 +14,7 @@ from cablefem.elements.line_observe import observe_line
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, State, StepFailure, consistent_acceleration
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel, lift_off_event_name, meeting_event_name
-from cablefem.shoes import passage_exists_between, possible_passages
+from cablefem.shoes import car_may_pass_saddle, possible_passages
 
 SHIFT = 1e-4  # [s] for velocities through states of rest
 
@@ -70,7 +70,7 @@ class LineElements(LineBalance):
         if isinstance(first, Contact) and isinstance(second, Contact):
             return False
         one, other = (c.car.name if isinstance(c, Wheel) else c.name for c in (first, second))
-        return one != other and not passage_exists_between(self.passages, one, other)
+        return one != other and not car_may_pass_saddle(self.passages, one, other)
 
     # --- start ---------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:

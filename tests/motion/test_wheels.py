@@ -22,7 +22,7 @@ from tests.motion.test_scene import SPAN
 from validation.commands.advise import bodies, page
 from validation.commands.run.motion import ELEMENTS, LineRuns, motion_answers
 from validation.core.motion_laws import faults_of_line_files
-from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel, wheel_loads_by_hand
+from validation.core.wheels import neglected_wheel_load, rear_and_front_loads_by_hand, rope_stresses_under_wheel
 
 NONE = np.array([math.nan])
 
@@ -39,7 +39,7 @@ def test_loads_of_wheels_on_a_taut_level_string(brakes, rear, front):
     )  # fmt: skip
     sled = Car(name="sled", mass=500.0, drive=Drive(mode="free", thrust_at=(-1.0, -0.2)))
     wheels = Wheels(base=2.0, below=0.5, ahead=0.3, model="point")
-    loads = wheel_loads_by_hand(wheels, sled, x, np.array([9000.0]), 9.81)
+    loads = rear_and_front_loads_by_hand(wheels, sled, x, np.array([9000.0]), 9.81)
     np.testing.assert_allclose(loads, [[rear], [front]], rtol=1e-12)
 
 
@@ -54,7 +54,7 @@ def test_loads_by_hand_of_a_trolley_at_rest_are_two_percent_of_its_weight_off_an
         q=q[system.free], a=resting_coordinates_with_forces(system, q).a[system.free]
     )
     x = system.observe([start], np.array([1.0])).cars[0]
-    loads = wheel_loads_by_hand(wheels, point, x, np.zeros(1), 9.81)
+    loads = rear_and_front_loads_by_hand(wheels, point, x, np.zeros(1), 9.81)
     bar = neglected_wheel_load(wheels, 8100.0, 9.81, np.zeros(1), dataclasses.replace(x, wheel_loads=loads))
     assert bar < 0.025 * 8100.0 * 9.81
     np.testing.assert_allclose(np.ravel(loads), exact, rtol=0.0, atol=bar)

@@ -189,9 +189,9 @@ def test_a_clearance_of_what_is_never_passed_is_null(tmp_path):
 def test_a_run_that_ends_where_it_falls_slack_says_so(steps):
     """The position of the onset is rounded: some of these runs end just before it, some just past it."""
     steep = Scene.from_groups(sag_ratio=0.0164, slope=38.76, mu=0.884, alpha=6350.0, speed_ratio=0.66)
-    onset = Run(steep, "fourier-kink", terms=8, steps=steps).run_to(0.95).slack_onset_or_inf
+    onset = Run(steep, "fourier-kink", terms=8, steps=steps).run_to(0.95).slack_onset_position_or_inf
     r = Run(steep, "fourier-kink", terms=8, steps=steps).run_to(onset)
-    assert r.reached == pytest.approx(r.slack_onset_or_inf, abs=1e-12)
+    assert r.reached == pytest.approx(r.slack_onset_position_or_inf, abs=1e-12)
     said = outcome_of_run(steep, r)
     assert "goes slack" in said.sentence
     assert recomputed.recomputed_outcome_row(r, None, said.kind, said.sentence).verdict is Verdict.AGREE

@@ -156,7 +156,7 @@ def test_waves_slower_than_the_mass_are_flagged():
     # twin: a slower car on the same cable
     slower = run(near.variant(speed_ratio=0.4), "following-p2", elements=20, steps=900, until=0.8)
     assert "slow waves" not in slower.flag_kinds
-    assert View.of_scene(near).cut_to_valid_range(slower).window == (0.02, min(0.8, slower.slack_onset_or_inf))
+    assert View.of_scene(near).cut_to_valid_range(slower).window == (0.02, min(0.8, slower.slack_onset_position_or_inf))
 
 
 @pytest.mark.parametrize(

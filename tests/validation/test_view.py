@@ -19,7 +19,7 @@ def run_with(**changes: Any) -> Any:
     fields = {"method": "one", "drive": "grip", "t": [0.0, 9.0], "reached": 1.0, "slack_onset": None}
     fields |= {"status": "complete"} | changes
     onset = fields["slack_onset"]
-    return SimpleNamespace(**fields, slack_onset_or_inf=math.inf if onset is None else onset)
+    return SimpleNamespace(**fields, slack_onset_position_or_inf=math.inf if onset is None else onset)
 
 
 def test_a_travel_is_compared_over_place_and_a_ride_over_time() -> None:

@@ -94,7 +94,7 @@ def _slow_wave_and_compression_flags(r: Response, scene: Scene, method: Method) 
     if not method.tells_waves_from_ripples:
         return []
     before_slack = 0.03  # s_o/l from compression at a point to slack of an element; right runs 0.01
-    end = min(measures.WINDOW[1], r.reached, r.slack_onset_or_inf - before_slack)
+    end = min(measures.WINDOW[1], r.reached, r.slack_onset_position_or_inf - before_slack)
     within = measures.steps_in_window(r, (measures.WINDOW[0], end))
     N = r.tension_min
     margins = {}  # (n,), negative at fault

@@ -571,7 +571,7 @@ class _FieldAtMass(NamedTuple):
     gaps: Array  # (k, 2 c), to the extrapolation from either side
 
 
-def _field_at_mass(evidence: Evidence, field_of_side: Callable[[Side], Array]) -> _FieldAtMass:
+def _field_and_gap_at_mass(evidence: Evidence, field_of_side: Callable[[Side], Array]) -> _FieldAtMass:
     """The field (m,) or (m, c) of a side at the mass, and how continuous it is there."""
     values = []
     gaps = []
@@ -596,7 +596,7 @@ def tension_continuity_at_mass_defect(evidence: Evidence) -> Defect:
     moving = evidence.window_times > 0.0
     if not moving.any():
         return NOT_OBSERVED
-    off = _field_at_mass(evidence, lambda side: side.T).gaps
+    off = _field_and_gap_at_mass(evidence, lambda side: side.T).gaps
     defect = _defect_at_window_times(evidence, off / evidence.r.horizontal_tension)
     return Defect(defect.s_o[moving], defect.value[moving], averaged=True)
 
@@ -606,7 +606,7 @@ def velocity_continuity_at_mass_defect(evidence: Evidence) -> Defect:
     """Velocity of the cable tends to that at the mass; over its rms."""
     if not np.any(evidence.window_times > 0.0):
         return NOT_OBSERVED
-    velocity = _field_at_mass(evidence, lambda side: side.velocity)
+    velocity = _field_and_gap_at_mass(evidence, lambda side: side.velocity)
     size = np.sqrt(np.mean(velocity.values**2, axis=0))
     return _defect_at_window_times(evidence, velocity.gaps / size) if np.all(size > 0.0) else NOT_OBSERVED
 

@@ -57,7 +57,10 @@ def common_window(*responses: MassPath, window: Window | None = None) -> Window:
     window : of the drive by default.  Raises NotComparable where nothing remains.
     """
     low, high = window or WINDOWS[responses[0].drive]
-    ends = [r.slack_onset_or_inf if r.drive == "free" else min(r.slack_onset_or_inf, r.reached) for r in responses]
+    ends = [
+        r.slack_onset_position_or_inf if r.drive == "free" else min(r.slack_onset_position_or_inf, r.reached)
+        for r in responses
+    ]
     end = min(ends)
     cut = min(high, end)
     if cut > low:
@@ -65,7 +68,7 @@ def common_window(*responses: MassPath, window: Window | None = None) -> Window:
     if not high > low:
         raise NotComparable(f"nothing to compare: from s_o/l = {high:.4f} on waves are slower than the mass")
     first = responses[ends.index(end)]
-    what = "is slack" if first.slack_onset_or_inf <= end else "ends"
+    what = "is slack" if first.slack_onset_position_or_inf <= end else "ends"
     raise NotComparable(f"nothing to compare: {first.method} {what} at s_o/l = {end:.4f}, before {low:g}")
 
 

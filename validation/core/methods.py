@@ -84,9 +84,9 @@ class Resolution:
         scaled = value + math.ceil(math.log2(ratio)) if self.doubling else math.ceil(value * ratio)
         return min(scaled, self.max_value)
 
-    def relative_step_cost(self, value: int, ratio: float = 1.0) -> float:
-        """Cost of a step at `ratio` times the resolution, over its fixed cost."""
-        return 1.0 + (ratio * self.refinement_ratio(self.break_even, value)) ** self.cost_exponent
+    def step_cost_over_fixed_cost(self, value: int, resolution_ratio: float = 1.0) -> float:
+        """Cost of a step at `resolution_ratio` times the resolution, over its fixed cost."""
+        return 1.0 + (resolution_ratio * self.refinement_ratio(self.break_even, value)) ** self.cost_exponent
 
     def value_for_unknowns(self, unknowns: float) -> int:
         """The value with about so many unknowns in one field."""

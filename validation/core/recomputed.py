@@ -391,7 +391,7 @@ def _expected_outcome_of_travel(r: Response, data: SceneData) -> ExpectedOutcome
         end = data.drive.get("end", {}).get("place", 0.99 * r.length)
     last, duration = _travel_end_and_duration(data, r.length, start, end)
     # a law and a design number judge the onset itself; here its text is compared
-    onset = min(r.slack_onset_or_inf, position_where_mass_outruns_waves(r))  # s_o/l
+    onset = min(r.slack_onset_position_or_inf, position_where_mass_outruns_waves(r))  # s_o/l
     slack = [onset * r.length] if math.isfinite(onset) else []
     if last < 0.999 * end:
         return ExpectedOutcome("stopped", [last, duration, *slack])

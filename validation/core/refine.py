@@ -122,7 +122,7 @@ class RunsOfMethod:
         """The ladder with its finest run marched to the end, and bars."""
         finest = self.run_or_reuse(ladder.finest.settings, self.end)
         until = self.window_end
-        if self.view.last_needed_position is not None and finest.slack_onset_or_inf < SLACK_END:
+        if self.view.last_needed_position is not None and finest.slack_onset_position_or_inf < SLACK_END:
             until = SLACK_END if self.end is None else min(self.end, SLACK_END)
 
         def continued(run: Response) -> Response:
@@ -227,23 +227,23 @@ def next_settings(
     allow_half : half of that refinement will do where the full one costs too much.
     """
     now = ladder.finest.settings
-    tries = [cheapest_settings(method, now, goal, AIM), cheapest_settings(method, now, goal, 1.0)]
+    candidates = [cheapest_settings(method, now, goal, AIM), cheapest_settings(method, now, goal, 1.0)]
     if allow_half:
-        tries.append(cheapest_settings(method, now, goal, AIM, share=0.5))
-    return _first_settings_within_budget(method, ladder, tries, budget)
+        candidates.append(cheapest_settings(method, now, goal, AIM, share=0.5))
+    return _first_candidate_within_budget(method, ladder, candidates, budget)
 
 
 def _settings_with_doubled_steps(method: Method, ladder: Ladder, budget: float) -> dict[str, Any] | None:
     now = ladder.finest.settings
     steps = min(2 * now["steps"], max(now["steps"], MAX_STEPS))
-    return _first_settings_within_budget(method, ladder, [now | {"steps": steps}], budget)
+    return _first_candidate_within_budget(method, ladder, [now | {"steps": steps}], budget)
 
 
-def _first_settings_within_budget(
-    method: Method, ladder: Ladder, tries: list[dict[str, Any]], budget: float
+def _first_candidate_within_budget(
+    method: Method, ladder: Ladder, candidates: list[dict[str, Any]], budget: float
 ) -> dict[str, Any] | None:
     """The first settings that are not those of the ladder and within the budget; None: none is."""
-    for settings in tries:
+    for settings in candidates:
         if settings != ladder.finest.settings and not exceeds_work_budget(method, ladder, settings, budget):
             return settings
     return None
@@ -271,7 +271,7 @@ def cheapest_settings(
         predicted = {(a, b): in_space / a**p + in_time / b**q for a, b in product(finer, shorter)}
         enough = max(target, min(predicted.values()) / AIM)
         sufficient = [factors for factors, bar in predicted.items() if bar <= enough]
-        a, b = min(sufficient, key=lambda factors: space.relative_step_cost(count, factors[0]) * factors[1])
+        a, b = min(sufficient, key=lambda factors: space.step_cost_over_fixed_cost(count, factors[0]) * factors[1])
     else:
         a = 1.0 if math.isfinite(in_space) else 2.0
         b = 1.0 if in_time <= target else 2.0
@@ -289,7 +289,7 @@ def exceeds_work_budget(method: Method, ladder: Ladder, finer: dict[str, Any], b
     count = method.resolution_value(finer)
     nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
     iterations = r.work["newton_iterations"] * finer["steps"] / r.settings["steps"]
-    work = iterations * nodes * method.resolution.relative_step_cost(count)
+    work = iterations * nodes * method.resolution.step_cost_over_fixed_cost(count)
     return finer["steps"] * count > MAX_SIZE or work > budget
 
 

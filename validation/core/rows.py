@@ -390,13 +390,13 @@ def _slack_onset_row(a: Ladder, b: Ladder, full: View, required: float) -> Agree
     Smallest tensions so far, over H, are falling curves over s_o/l; see `scene_data.ordinate_on_unit_slope`.
     """
     end = full.window[1]
-    first = min(end, a.finest.slack_onset_or_inf, b.finest.slack_onset_or_inf)
+    first = min(end, a.finest.slack_onset_position_or_inf, b.finest.slack_onset_position_or_inf)
 
     def crossing_ordinate(r: Response) -> float:
         """Ordinate at which the falling curve of a run meets the slope of 1 through the onset."""
         position = np.maximum.accumulate(r.s_o) / full.length  # (n,)
         tension = r.tension_min / full.H
-        slack = position >= r.slack_onset_or_inf
+        slack = position >= r.slack_onset_position_or_inf
         smallest = np.minimum.accumulate(np.where(slack, np.minimum(tension, 0.0), tension))
         at_end = float(np.interp(end, position, smallest))
         inside = position < end  # beyond, the curve drops to slack
@@ -412,7 +412,7 @@ def _incomplete_range_rows(a: Ladder, b: Ladder, view: View, full: View, require
     runs = a.finest, b.finest
     missing = 0.0
     if not full.free:
-        onset = min(r.slack_onset_or_inf for r in runs)
+        onset = min(r.slack_onset_position_or_inf for r in runs)
         missing = min(full.window[1], onset) - view.window[1]
     elif any(r.status != "complete" and r.slack_onset is None for r in runs):
         longest = max(float(r.t[-1]) for r in runs)
@@ -426,7 +426,7 @@ def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> 
     """Path gap from where both are slack to where the bars exceed the tolerance."""
     from validation.core import trust  # loaded while solvers run
 
-    onset = max(a.finest.slack_onset_or_inf, b.finest.slack_onset_or_inf)
+    onset = max(a.finest.slack_onset_position_or_inf, b.finest.slack_onset_position_or_inf)
     end = min(SLACK_END, a.finest.reached, b.finest.reached)
     if view.rolls or not onset < end:
         return

@@ -26,7 +26,7 @@ def relative_path_distances_at(a: Response, b: Response, at: Array) -> Array:
 
 def max_path_gap_past_slack(a: Response, b: Response, stop: float) -> float:
     """Largest relative gap from slack onset to s_o/l = `stop`, which both reach; nan without slack before."""
-    onset = min(a.slack_onset_or_inf, b.slack_onset_or_inf)
+    onset = min(a.slack_onset_position_or_inf, b.slack_onset_position_or_inf)
     if not onset < stop:
         return math.nan
     return float(np.nanmax(relative_path_distances_at(a, b, np.linspace(onset, stop, 400))))

@@ -32,12 +32,12 @@ def with_wheel_loads_by_hand(motion: LineMotion, line: Line, moving: MovingLine,
         wheels = line.car[i].wheels
         if wheels is not None and wheels.model == "point" and wheels.base:
             thrust = np.array([moving.thrust(car, x.t, x.phase) for x in states])
-            loads = wheel_loads_by_hand(wheels, car, cars[i], thrust, moving.gravity)
+            loads = rear_and_front_loads_by_hand(wheels, car, cars[i], thrust, moving.gravity)
             cars[i] = dataclasses.replace(cars[i], wheel_loads=loads)
     return dataclasses.replace(motion, cars=tuple(cars))
 
 
-def wheel_loads_by_hand(
+def rear_and_front_loads_by_hand(
     wheels: Wheels, car: Car, motion: CarMotion, thrust: Array, gravity: float
 ) -> tuple[Array, Array]:
     """Loads (n,) [N] of the rear and the front wheel; thrust (n,) [N]."""

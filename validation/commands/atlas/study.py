@@ -155,7 +155,7 @@ def judged_cell(r: Response, reference: Response, reference_error: float) -> Cel
     No cell is judged if that onset is before s_o/l = 0.05, or the reference is unsure by half of the bound.
     Causes: of an incomplete run its own; "unstable" with energy gain; "slack too early"; else "too coarse".
     """
-    stop = min(measures.WINDOW[1], reference.slack_onset_or_inf)
+    stop = min(measures.WINDOW[1], reference.slack_onset_position_or_inf)
     out = {"reached": r.reached, "error": None, "slack_onset": r.slack_onset, "cause": r.cause, "reason": r.reason}
     if stop < 0.05 or reference.reached < stop or "energy" in reference.flag_kinds:
         return out | {"class": "not judged", "reason": "the reference itself is not to be trusted here"}
@@ -185,4 +185,4 @@ def _cause_of_large_error(r: Response, stop: float) -> str:
     """Why a run that did not break is not good."""
     if "energy" in r.flag_kinds:
         return "unstable"
-    return "slack too early" if r.slack_onset_or_inf < stop - 0.05 else "too coarse"
+    return "slack too early" if r.slack_onset_position_or_inf < stop - 0.05 else "too coarse"

@@ -110,7 +110,7 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
     for i, series in enumerate(todo):
         report(series.name, 0.05 + 0.85 * i / len(todo))
         share = (6.0 if series.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
-        rows += _SeriesTimer(scene, series, reference).run_missing_settings(rows, repeats, share)
+        rows += _SeriesTimer(scene, series, reference).run_for_missing_rows(rows, repeats, share)
         if series.kind == "peer":
             rows += _missing_full_program_rows(series.name, rows)
         write_json(path, content)
@@ -263,7 +263,7 @@ class _SeriesTimer:
     series: Series
     reference: _Reference
 
-    def run_missing_settings(self, rows: list[Row], repeats: int, max_seconds: float) -> list[Row]:
+    def run_for_missing_rows(self, rows: list[Row], repeats: int, max_seconds: float) -> list[Row]:
         """Run the settings that have no row, while the next run is likely to fit into the time."""
         series = self.series
         done = [r["settings"] for r in rows if r["series"] == series.name]

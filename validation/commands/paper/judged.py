@@ -43,13 +43,13 @@ def judged_claims(variables: Row) -> list[Row]:
 def claim_verdict(quantities: Sequence[Row], one_is_enough: bool = False) -> str:
     """The verdict on a claim from its quantities; one_is_enough : quantities are readings of one sentence."""
     joined = max if one_is_enough else min  # or, and
-    true = joined((_sign_inside_range(q, q["converged"], q["uncertainty"]) for q in quantities), default=0)
+    true = joined((_inside_outside_or_unclear(q, q["converged"], q["uncertainty"]) for q in quantities), default=0)
     if true >= 0:
         return HOLDS if true else OPEN
-    return PAPER_ONLY if joined(_sign_inside_range(q, q["paper"]) for q in quantities) > 0 else FAILS
+    return PAPER_ONLY if joined(_inside_outside_or_unclear(q, q["paper"]) for q in quantities) > 0 else FAILS
 
 
-def _sign_inside_range(quantity: Row, value: float | None, bar: float | None = 0.0) -> int:
+def _inside_outside_or_unclear(quantity: Row, value: float | None, bar: float | None = 0.0) -> int:
     """1 inside the range, -1 outside, 0 where the bar reaches across an end or is unknown."""
     if value is None or bar is None:
         return 0
