@@ -208,3 +208,4 @@ def test_a_cabin_that_is_stopped_may_not_be_a_point(tmp_path):
     assert not haul["enough"]
     assert haul["run"] == pytest.approx(haul["formula"], rel=0.15)
     assert not found["periods"][0]["short"]
+    assert page.sections(tmp_path)[0].verdict == ""  # the answer is no, not that nothing could be compared
