@@ -75,8 +75,13 @@ class _History:
         return behind, ahead
 
     def row_of_contact(self, k: int, segment_ends: Array) -> Array:
-        """The row of contact k, of those of the segments beside it (2, n, K, ...)."""
-        return np.sum(np.nan_to_num(self.behind_and_ahead(k, segment_ends)), axis=0)
+        """The row of contact k: the sum of those of the segments beside it (2, n, K, ...)."""
+        row = np.zeros_like(segment_ends[0, :, 0])
+        if k > 0:
+            row += segment_ends[1, :, k - 1]
+        if k < segment_ends.shape[2]:
+            row += segment_ends[0, :, k]
+        return row
 
     def tensions_beside(self, k: int) -> tuple[Array, Array]:
         """Tension (n,) behind and ahead of contact k; nan beyond the rope."""

@@ -36,5 +36,6 @@ def _print_agreement(result: Check) -> None:
     for name in dict.fromkeys(row["with"] for row in rows if row.get("with")):
         worst, sentence = third_party_verdict_and_sentence(rows, name)
         terminal.print_text(f"  {name}: {sentence}", style=terminal.STYLES[worst])
-    if result.own_verdict is Verdict.TOO_COARSE and (advice := sufficient_tolerance_sentence(result.rows)):
+    own_rows = [row for row in result.rows if not row.third_party]
+    if result.own_verdict is Verdict.TOO_COARSE and (advice := sufficient_tolerance_sentence(own_rows)):
         terminal.print_text(f"  {advice}")

@@ -49,7 +49,8 @@ def _stored_sentences(stored: StoredResults) -> set[str]:
         sentences.add(f"{doubt['method']}: {doubt['words']}")
     if stored.agreement:
         sentences.add(read_package_toml("page", "assets/verdicts.toml")[stored.verdict_on_both_solvers])
-        sentences |= set(expected_tolerance_sentences(stored.rows))
+        own_rows = [row for row in stored.rows if not row.get("with")]
+        sentences |= set(expected_tolerance_sentences(own_rows))
     return sentences
 
 
