@@ -166,15 +166,16 @@ class Statics:
         at_rest = hauled_rest if groups.drive.mode == "haul" else gripped_rest
         nearest = NEAREST if groups.drive.mode == "grip" else None
         r = rest or at_rest(load_path_positions(groups.sigma, nearest), groups)
-        names = [name for name in Rest.__dataclass_fields__ if name != "s"]
-        self._splines = {name: CubicSpline(r.s, getattr(r, name)) for name in names}
+        self._names = [name for name in Rest.__dataclass_fields__ if name != "s"]
+        fields = [getattr(r, name).reshape(r.s.size, -1) for name in self._names]
+        self._ends = np.cumsum([columns.shape[1] for columns in fields])  # of the columns of each field
         force = r.hold + r.haul * (_unit_mean_tangent(r) * r.along).sum(1)  # that drives the car along s_o (n,)
-        self._work = CubicSpline(r.s, force).antiderivative()
+        self._spline = CubicSpline(r.s, np.column_stack([*fields, force]))  # one for all: many take twice the time
         self._range = float(r.s[0]), float(r.s[-1])
 
     def potential_energy(self, s_o: Array) -> Array:
         """Work (n,) of the force that drives the car, from the first node."""
-        return np.asarray(self._work(s_o))
+        return np.asarray(self._spline.antiderivative()(s_o)[:, -1])
 
     def displacement_of_car(self, s_o: Array) -> Array:
         """Displacement of the car (n, 2); none next to a support."""
@@ -191,9 +192,10 @@ class Statics:
 
     def __call__(self, s: Array) -> Rest:
         """The cable at rest with the car at s (n,)."""
-        at = np.clip(s, *self._range)
-        fields = {name: spline(at) for name, spline in self._splines.items()}
-        return Rest(s=np.asarray(s, float), **fields)
+        values = self._spline(np.clip(s, *self._range))
+        *fields, _ = np.split(values, self._ends, axis=1)
+        vectors_and_scalars = [columns if columns.shape[1] > 1 else columns[:, 0] for columns in fields]
+        return Rest(s=np.asarray(s, float), **dict(zip(self._names, vectors_and_scalars, strict=True)))
 
 
 def _min_tension_and_position(r: Rest, sigma: float) -> tuple[Array, Array]:
