@@ -109,7 +109,7 @@ class ChordCable:
         self.curvature = 0.0 if model == "straight" else -self.weight[0] / self.T_chord  # y_n''
         # h is the same along the cable
         self.min_tension_at = min(1.0, max(0.0, groups.c / groups.sigma))
-        self.static_min_tension = float(groups.tension_and_slope(self.min_tension_at)[0])
+        self.static_min_tension = float(groups.static_tension(self.min_tension_at))
 
     def tables_at(self, basis: Any, s_o: float) -> tuple[Array, Array]:
         """S (n, n) and b (n,)."""

@@ -197,7 +197,7 @@ def _full_cable_forces(
     cable: FullCable, x: Measures, slopes: Array, w_s: Array, s: Array, frames: Array
 ) -> FullCableForces:  # fmt: skip
     """From r' by the basis: `slopes` beside the mass (2, n, 2), w_s = w' at stations s in these frames (k, 2, m)."""
-    T_o = cable.groups.tension_and_slope(x.s_o).T
+    T_o = cable.groups.static_tension(x.s_o)
     static_o, _ = cable.static_slope_and_curvature(x.s_o)
     static, _ = cable.static_slope_and_curvature(s)
     balanced = forces_from_equilibrium(x, s, frames)
@@ -235,8 +235,8 @@ def _chord_tensions_and_strain_energy(cable: ChordCable, x: Measures, s: Array, 
         tables = cable.tables_at(x.system.basis, s_o)
         values.append(cable.strain_energy_and_tension_rise(tables, Q))
     strain, h = np.array(values).T
-    T = cable.groups.tension_and_slope(s).T + h[frames, None]
-    at_mass = cable.groups.tension_and_slope(x.s_o).T + h
+    T = cable.groups.static_tension(s) + h[frames, None]
+    at_mass = cable.groups.static_tension(x.s_o) + h
     return {
         "T": T, "T_behind": np.where(x.s_o > 0.0, at_mass, np.nan), "T_ahead": np.where(x.s_o < 1.0, at_mass, np.nan),
         "tension_min": cable.static_min_tension + h, "tension_min_at": np.full(h.shape, cable.min_tension_at),

@@ -39,6 +39,12 @@ class TensionAndShape(NamedTuple):
     ddy: np.ndarray
 
 
+def static_tension(s: Any, sigma: float, c: float) -> np.ndarray:
+    """T/H at s in [0, 1]."""
+    p = c - sigma * np.asarray(s, dtype=float)
+    return np.sqrt(1.0 + p * p)
+
+
 def tension_and_slope(s: Any, sigma: float, c: float) -> TensionAndSlope:
     """T, x', y' at s in [0, 1]."""
     p = c - sigma * np.asarray(s, dtype=float)
@@ -167,7 +173,7 @@ class Catenary:
 
     def tension(self, s: Any) -> np.ndarray:
         """Tension [N] at s [m]."""
-        return self.horizontal_tension * tension_and_slope(np.asarray(s) / self.length, self.sigma, self.c).T
+        return self.horizontal_tension * static_tension(np.asarray(s) / self.length, self.sigma, self.c)
 
 
 def _sinhc_minus_1(z: float) -> float:

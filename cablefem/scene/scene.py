@@ -67,6 +67,10 @@ class Groups:
     drive: Drive = GRIP
     damping: float = 0.0  # c_d: the force on the cable is -c_d times its momentum
 
+    def static_tension(self, s: Any) -> np.ndarray:
+        """T at s."""
+        return _catenary.static_tension(s, self.sigma, self.c)
+
     def tension_and_slope(self, s: Any) -> _catenary.TensionAndSlope:
         """T, x', y' at s."""
         return _catenary.tension_and_slope(s, self.sigma, self.c)

@@ -149,7 +149,7 @@ class _TwoPieceStatics:
         self.behind = np.arange(2 * x.size) < x.size
         self.load = np.where(self.behind, 0.0, jump.T[:, :, None])  # n - left: (2, n, points)
         self.load[1] -= groups.sigma * points
-        self.q = 1.0 - groups.tension_and_slope(points)[0] / self.alpha
+        self.q = 1.0 - groups.static_tension(points) / self.alpha
         ends = np.stack(groups.coordinates(1.0))
         if left_force is None:  # direction of the empty cable, tension guessed
             horizontal = np.full_like(s, math.sqrt(1.0 + 0.5 * groups.mu))
@@ -166,7 +166,7 @@ class _TwoPieceStatics:
                 break
         else:
             raise NoRest(f"no cable at rest under the car was found at s_o = {s[np.argmax(size)]:.4g}")
-        self.T = groups.tension_and_slope(s)[0]
+        self.T = groups.static_tension(s)
         behind = self.left_force - np.stack([np.zeros_like(s), groups.sigma * s], -1)
         self.sides = self._car_side(behind, groups), self._car_side(behind + jump, groups)
 

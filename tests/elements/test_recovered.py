@@ -25,7 +25,7 @@ def test_the_hanging_cable_pulls_at_its_supports(kind):
     o = observe(system, states_at_rest(system, 1.07), STATIONS, [0])
     np.testing.assert_allclose(o.reaction_left, [[-1.0, -0.52]], rtol=1e-14)  # H = 1, and p = c - sigma s upwards
     np.testing.assert_allclose(o.reaction_right, [[1.0, 0.52 - 0.31]], rtol=1e-14)
-    np.testing.assert_allclose(o.T, [STEEP.tension_and_slope(STATIONS)[0]], rtol=1e-14)
+    np.testing.assert_allclose(o.T, [STEEP.static_tension(STATIONS)], rtol=1e-14)
 
 
 def momentum_defect(system, states, sigma):

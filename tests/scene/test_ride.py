@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from cablefem import Scene
 from cablefem.scene import Drive, Groups, LoadPath
-from cablefem.scene.catenary import tension_and_slope
+from cablefem.scene.catenary import static_tension
 from cablefem.scene.ride import roll_ride
 from cablefem.scene.statics import gripped_rest, hauled_rest
 from tests.scene.test_scene import scene_numbers
@@ -62,7 +62,7 @@ def test_the_cable_at_rest_ends_at_its_supports_and_carries_the_car(choice):
         def slope(s, y, r=r):
             n = r.left_force[0] - [0.0, g.sigma * s] + (r.jump[0] if s > s_o else 0.0)
             N = math.hypot(*n)
-            return n / N * (1.0 + (N - tension_and_slope(s, g.sigma, g.c)[0]) / g.alpha)
+            return n / N * (1.0 + (N - static_tension(s, g.sigma, g.c)) / g.alpha)
 
         there = solve_ivp(slope, (0.0, s_o), [0.0, 0.0], rtol=1e-11, atol=1e-13).y[:, -1]
         np.testing.assert_allclose(there, r.car_point[0], rtol=0.0, atol=1e-9)
@@ -93,7 +93,7 @@ def test_derivatives_of_the_load_path_are_those_of_its_places():
         for a, b, jump in ((0.0, s_o, 0.0 * r.jump[0]), (s_o, 1.0, r.jump[0])):
             p = a + 0.5 * (b - a) * (1.0 + x)
             n = r.left_force[0] - np.stack([0 * p, g.sigma * p], -1) + jump
-            N, T = np.linalg.norm(n, axis=1), tension_and_slope(p, g.sigma, g.c)[0]
+            N, T = np.linalg.norm(n, axis=1), static_tension(p, g.sigma, g.c)
             eps = (N - T) / g.alpha
             weights = 0.5 * (b - a) * w
             dy = (1.0 + eps) * n[:, 1] / N  # - int sigma y ds = - sigma (1 - p) dy, up to the far end

@@ -19,7 +19,7 @@ import numpy as np
 
 from cablefem.response import Array, Observation, Response
 from cablefem.scene import Groups, Scene
-from cablefem.scene.catenary import coordinates, tension_and_slope
+from cablefem.scene.catenary import coordinates, static_tension
 from cablefem.scene.statics import Rest, gripped_rest, hauled_rest, load_path_positions
 from validation.core.sampling import (
     OBSERVED,
@@ -237,7 +237,7 @@ def _station_points(r: Rest, groups: Groups, s: Array) -> Array:
     force = r.left_force[:, None] + ahead[..., None] * r.jump[:, None]  # at s = 0 of each side (k, m, 2)
     horizontal = force[..., :1]  # (k, m, 1)
     vertical = force[..., 1:] - groups.sigma * p  # (k, m, POINTS)
-    stretch = 1.0 - tension_and_slope(p, groups.sigma, groups.c).T / groups.alpha  # of the empty cable
+    stretch = 1.0 - static_tension(p, groups.sigma, groups.c) / groups.alpha  # of the empty cable
     tension = np.sqrt(horizontal**2 + vertical**2)
     weights = half * w * (stretch / tension + 1.0 / groups.alpha)  # (k, m, POINTS)
     dx = horizontal[..., 0] * weights.sum(axis=2)  # of each piece (k, m)

@@ -181,7 +181,7 @@ def observation_in_si(scene: Scene, observation: Observation, steps: NDArray[np.
     at_frames |= scaled_rows(slice(None), "u", "v", "du", "dv", "T", "T_pointwise")
     at_frames["mass_u"], at_frames["mass_v"] = l * observation.path[~steps].T
     x_rest, y_rest = scene.groups.coordinates(s)
-    T_static = H * scene.groups.tension_and_slope(s)[0]
+    T_static = H * scene.groups.static_tension(s)
     result = scaled_rows(steps, *_STEP_FORCES)
     result["fields"] = Fields(**at_frames, s=l * s, x=l * x_rest, y=l * y_rest, T_static=T_static)
     result["velocity"] = speed * observation.path_velocity[steps]

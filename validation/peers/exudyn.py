@@ -152,7 +152,7 @@ def _add_cable_with_markers(
     """
     from exudyn import itemInterface as items
 
-    middle = groups.tension_and_slope(0.5 * (s[1:] + s[:-1]))[0]
+    middle = groups.static_tension(0.5 * (s[1:] + s[:-1]))
     x, y = groups.coordinates(s)
     _, xp, yp = groups.tension_and_slope(s)
     ground = system.AddNode(items.NodePointGround())
