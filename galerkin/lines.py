@@ -414,10 +414,10 @@ class LineSines(System):
         rolling = len(sticking) < len(self.free_cars)
         return rolling or self.line.travel_or_force_changes_after(x.t, x.phase)
 
-    def system_after(self, name: str, x: State) -> tuple[LineSines, State] | None:
+    def system_after(self, event: str, x: State) -> tuple[LineSines, State] | None:
         """The line after a car passes an end of a shoe, and its state; None if another event has ended the run."""
         for passage in self.watched.passages:
-            if str(passage) == name:
+            if str(passage) == event:
                 from galerkin.carrying import system_after_passage
 
                 return system_after_passage(self, passage, x)

@@ -36,7 +36,7 @@ class Measures:
         coefficients = unknowns[..., : system.n_modal].reshape(3, -1, system.fields, system.n)
         missing_hat = 0 if system.kink else 1
         self.q, self.v, self.a = np.pad(coefficients, [(0, 0), (0, 0), (0, 0), (0, missing_hat)])
-        self.path_form = unknowns[..., system.n_modal :]  # (3, n, fields), or (3, n, 0) without it
+        self.path_form = unknowns[..., system.n_modal :].copy()  # (3, n, fields) where the system has one
 
     def hat_slope_rates(self, order: int) -> tuple[Array, Array]:
         """Time derivatives of this order of q_hat/h behind and ahead; h is the length of the side."""

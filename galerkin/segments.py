@@ -80,6 +80,7 @@ class FunctionTables:
         self.weights = 0.5 * weights
         self.B = basis_functions_and_derivatives(self.points, terms)  # (4, G, M)
         self.flat = self.B.reshape(-1, terms + 4)
+        self.weights_of_tests = np.tile(self.weights, 2)[:, None]  # (2 G, 1)
         self.tests = np.concatenate([self.B[0], self.B[1]]).T.copy()  # (M, 2 G)
         powers = np.vander(self.points, 3, increasing=True).T  # (3, G)
         weighted = (powers * self.weights)[..., None]
@@ -231,8 +232,7 @@ class Rope:
         tables = self.layout.tables
         load = self.h[0, ..., None] * self.inertia_and_weight
         both = np.concatenate([load, self.tensions.force], axis=-2)  # (..., S, 2 G, 2)
-        weights = np.tile(tables.weights, 2)[:, None]
-        return tables.tests @ (weights * both)
+        return tables.tests @ (tables.weights_of_tests * both)
 
     # --- derivatives by the coordinates of a segment, in the order of `Layout.columns` -------------------------------
     @property

@@ -366,13 +366,14 @@ def _trolley_motion_and_powers(x: _History, trolley: Trolley, data: CarLoadsAndM
         wheels=(rear, front),
     )
     row_of_s = x.row_of_contact(k, x.end_rows)
+    haul = car.mass * x.a[:, trolley.force] if trolley.force >= 0 else x.none
     motion = _car_motion(
         x,
         car,
         k,
         wheels,
         turning,
-        haul=car.mass * x.a[:, trolley.force],
+        haul=haul,
         grip=row_of_s / forces.stretch,
         contact=rear.load + front.load,
         shoe=np.zeros(x.t.size),

@@ -332,7 +332,7 @@ class _BesideMass(NamedTuple):
 
 
 def _kink_force(x: _BesideMass) -> Array:
-    """<N t> . [r'] - [W] (n,), whose power the mass takes from the cable."""
+    """<N t> . [r'] - [W] (n,) of the kink; times ds_o it is a part of the power."""
     mean = 0.5 * (x.behind.force + x.ahead.force) + x.T * x.X_s  # <N t>
     work = np.sum(mean * (x.r_s_ahead - x.r_s_behind), axis=0)
     return work - (x.ahead.energy - x.behind.energy)

@@ -79,7 +79,7 @@ class RollingElements(RollingCar, FollowingElements):
             return newmark.quasi_static_start(self, self._solve_rest_of_hauled_car, s_o, ds)
         s_o = self.drive.start
         zero = np.zeros(self.n_dof)
-        q = np.append(solve_equilibrium(self.with_clamped_car(s_o)), s_o)
+        q = np.append(solve_equilibrium(self.at_rest_with_clamped_car(s_o)), s_o)
         x = State(t, q, zero, zero.copy(), 0)
         alone = self._kernel_car._replace(drag=0.0, friction=0.0, brake=0.0)
         self.hold = self._car_row(alone, np.zeros(3), x)
@@ -189,7 +189,7 @@ class RollingElements(RollingCar, FollowingElements):
         r = np.empty(self.n_dof)
         return self._assemble_with_car(car, drive_inputs, np.array(x[1:4]), r).row
 
-    def with_clamped_car(self, s_o: float) -> FollowingElements:
+    def at_rest_with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest with the car clamped to it."""
         at_rest = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=GRIP)
         return FollowingElements(at_rest, **self._at_rest)
@@ -197,7 +197,7 @@ class RollingElements(RollingCar, FollowingElements):
     def _solve_rest_of_hauled_car(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
-        clamped = solve_equilibrium(self.with_clamped_car(s_o))
+        clamped = solve_equilibrium(self.at_rest_with_clamped_car(s_o))
         on_its_rope = solve_equilibrium_on_haul_rope(HauledCarAtRest(still, **self._at_rest), clamped)
         return np.append(on_its_rope[:-1], 0.0)
 

@@ -204,7 +204,7 @@ class MovingLine:
 
     def travel_or_force_changes_after(self, t: float, phase: int) -> bool:
         """Whether a travel or a force is still to change."""
-        ends = [car.travel.phases[-1][1] for car in self.all_cars if car.travel is not None]
+        ends = [car.travel_end.t for car in self.all_cars if car.travel_end is not None]
         return phase < len(self.phases) - 1 or t < max(ends, default=0.0)
 
     @property

@@ -226,6 +226,10 @@ class LineState:
     haul: np.ndarray  # (n,) [N] F of hauled cars, positive to the right; else nan
     middle: np.ndarray  # (n - 1, 2) [m] points halfway along the pieces
 
+    def station_index(self, name: str) -> int:
+        """Index of the station of a contact or car."""
+        return [station.name for station in self.case.stations].index(name)
+
     @property
     def station_tensions(self) -> np.ndarray:
         """(n, 2) [N], behind and ahead of each station; nan beyond the rope."""
@@ -447,7 +451,7 @@ class Line(Described):
         pairs = zip(at_ends[::2], at_ends[1::2], strict=True)
         shoe_ends = dict(zip(on_shoes, pairs, strict=True))
         positions: dict[int, LineState | NoLineAtRest] = dict(refused)
-        for i, state in zip(tried, states, strict=False):
+        for i, state in zip(tried, states[: len(tried)], strict=True):
             positions[i] = self._with_loads_in_reason(state, i)
         positions |= _refused_on_shoes(positions, on_shoes, shoe_ends)
         in_order = [positions[i] for i in range(self.position_count)]

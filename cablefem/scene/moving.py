@@ -255,7 +255,7 @@ def _start_position(car: Car) -> float:
 
 
 def _end_time(car: Car) -> float:
-    return car.drive.end_time if car.travel is None else car.travel.phases[-1][1]
+    return car.drive.end_time if car.travel_end is None else car.travel_end.t
 
 
 def _moving_car(car: CarTable, haul_in_x: bool, thermal_stretch: float) -> Car:

@@ -79,7 +79,7 @@ class StepOutcome(NamedTuple):
 class StepsTaken(NamedTuple):
     """Steps up to one that fails, falls slack or ends in an event."""
 
-    good: int  # number of those that converged
+    good: int  # number of steps before that one
     ends: Array  # (m, 3, n_dof)
     outcomes: Array  # (m, 6) of `StepOutcome`, NaN after the last
 

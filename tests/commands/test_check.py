@@ -98,7 +98,7 @@ def test_the_exit_code_of_a_check_is_its_verdict(cablefem, instant_check, level_
         "too coarse": "TOO COARSE to tell",
     }  # fmt: skip
     assert out.startswith(words[verdict])
-    assert ("a --tol larger by as much would do" in out) is (verdict == "too coarse")
+    assert ("times what was asked" in out) is (verdict == "too coarse")
     assert json.loads(Path("cablefem-out/level/agreement.json").read_text())["verdict"] == verdict
 
 

@@ -187,6 +187,18 @@ def test_a_hauled_load_at_rest_is_within_the_scope_of_texts_on_ropeways_that_hau
     assert ("outside its scope" in out) is outside
 
 
+def test_a_bare_rope_is_outside_of_texts_on_cars(cablefem, tmp_path):
+    contacts = "".join(f'[[contact]]\nname = "{name}"\nkind = "anchor"\nat = [{x}, 0.0]\n' for name, x in ENDS)
+    cable = "[cable]\nmass_per_length = 3.0\nEA = 4e7\nbreaking_load = 5e5\ntension = {at = 'left', value = 5e4}\n"
+    (tmp_path / "bare.toml").write_text(cable + contacts)
+    code, out, err = cablefem("run", "bare.toml", "--limits", "zip-line", "--out", "x")
+    assert (code, err) == (0, "")
+    assert "outside its scope" in out
+
+
+ENDS = (("left", 0.0), ("right", 200.0))
+
+
 def test_a_grid_has_the_worst_limit_of_each_scene(cablefem):
     Path("zip.toml").write_text(ZIP)
     given = ("--set", "mass.mass=60,120", "--set", "limits.safety_factor=3.5", "--out", "x")

@@ -12,6 +12,7 @@ from cablefem.response import Response
 from tests.commands.calls import QUICK
 from validation import cli
 from validation.core import readback
+from validation.core.scene_data import read_csv_columns
 from validation.page import terminal
 
 CHECKED = ("following-p2", "fourier-kink")
@@ -235,3 +236,11 @@ def test_a_file_that_is_written_wrongly_is_said_first_on_the_page_and_is_1(cable
     assert "not what was computed: x/following-p2/tension.csv: T is not what was computed" in err
     page = Path("x/report.html").read_text()
     assert page.index('id="read-back"') < page.index('id="answer"')
+
+
+@pytest.mark.parametrize("rows", ["1,2\n3,4,5\n6", "1,2,3\n4,5,6", "1,2\nx,4"])
+def test_a_table_whose_rows_do_not_fit_its_columns_is_not_read(tmp_path, rows):
+    file = tmp_path / "table.csv"
+    file.write_text(f"a,b\n{rows}\n")
+    with pytest.raises(ValueError, match=r"zip|convert"):
+        read_csv_columns(file)

@@ -27,6 +27,15 @@ def test_a_scene_is_printed_to_be_copied(cablefem, tmp_path):
     assert Scene.from_toml(out) == mine
 
 
+def test_notes_on_a_line_are_no_part_of_its_toml(cablefem, tmp_path):
+    hot = {"cable.expansion": 1.2e-5, "cable.reference_temperature": 293.15, "cable.temperature": 293.15}
+    (tmp_path / "hot.toml").write_text(Line.load("two-span").replace(hot).to_toml())
+    code, out, err = cablefem("scenes", "hot.toml")
+    assert code == 0
+    assert "293.15" in err
+    assert tomllib.loads(out)["cable"]["temperature"] == 293.15
+
+
 def test_scenes_are_written_to_a_folder_when_asked(cablefem, tmp_path):
     assert cablefem("scenes", "--out", "all")[0] == 0
     assert {path.stem for path in (tmp_path / "all").glob("*.toml")} == {*Scene.library(), *Line.library()}

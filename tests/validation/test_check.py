@@ -16,7 +16,7 @@ from validation.core.agreement import (
     Bound,
     BoundPart,
     Verdict,
-    sufficient_tolerance_sentence,
+    excess_over_tolerance_sentence,
     worst_deciding_verdict,
 )
 from validation.core.ladder import Ladder
@@ -89,17 +89,17 @@ def with_larger_tolerance(row, factor):
     return dataclasses.replace(row, required=factor * row.required)
 
 
-def test_rows_that_are_too_coarse_say_which_tolerance_would_do():
+def test_rows_that_are_too_coarse_say_how_far_they_exceed_what_was_asked():
     rows = [
         agreement_row(0.2, (3.0, 0.2), 1.0),
         agreement_row(0.1, (4.0, 4.0), 5.0),
         agreement_row(0.0, (0.1, 0.1), 1.0),
     ]
-    excess = float(re.search(r"up to (\S+) times", sufficient_tolerance_sentence(rows))[1])
+    excess = float(re.search(r"up to (\S+) times", excess_over_tolerance_sentence(rows))[1])
     for factor, verdict in ((1.1, Verdict.AGREE), (0.9, Verdict.TOO_COARSE)):
         assert worst_deciding_verdict([with_larger_tolerance(row, factor * excess) for row in rows]) is verdict
-    assert sufficient_tolerance_sentence(rows[2:]) is None
-    assert sufficient_tolerance_sentence([agreement_row(0.2, (INF, 0.1), 1.0)]) is None
+    assert excess_over_tolerance_sentence(rows[2:]) is None
+    assert excess_over_tolerance_sentence([agreement_row(0.2, (INF, 0.1), 1.0)]) is None
 
 
 def test_a_row_says_its_bars_and_what_was_asked():

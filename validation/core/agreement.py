@@ -142,10 +142,10 @@ def refuse_out_of_range(name: str, value: object, low: float, high: float) -> No
         raise ValueError(fault)
 
 
-def sufficient_tolerance_sentence(rows: Iterable[Agreement]) -> str | None:
-    """How much larger a tolerance would do for rows that are too coarse; None if none is, or one has no bar."""
+def excess_over_tolerance_sentence(rows: Iterable[Agreement]) -> str | None:
+    """How far rows that are too coarse exceed what was asked; None if none is, or one has no bar."""
     coarse = (row for row in rows if row.decides and row.verdict is Verdict.TOO_COARSE)
     excess = max((max(row.gap, row.allowed) / row.required for row in coarse if row.required), default=math.inf)
     if not math.isfinite(excess):
         return None
-    return f"gaps and bars are up to {excess:.2g} times what was asked: a --tol larger by as much would do"
+    return f"gaps and bars are up to {excess:.3g} times what was asked"

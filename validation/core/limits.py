@@ -125,7 +125,8 @@ def _drive_modes(scene: Scene | Line) -> list[set[str]]:
         return [{scene.drive.mode}]
     if scene.moves:
         return [{car.mode for car in scene.car}]
-    return [{"rest"}, {"haul" if car.hauled else "grip" for car in scene.car}]
+    of_cars = {"haul" if car.hauled else "grip" for car in scene.car}
+    return [{"rest"}, of_cars] if of_cars else [{"rest"}]
 
 
 class _ComputedDemandValues:

@@ -408,7 +408,8 @@ def _expected_columns_of_car(car: Any, motion: Any) -> dict[str, Array]:
 def _expected_columns_of_contact(contact: Any) -> dict[str, Array]:
     """Columns (n,) of contacts.csv."""
     columns = {"s": contact.s, "rise": contact.rise}
-    columns["tension"] = tension_behind_or_ahead(contact)
+    behind = contact.tension_behind  # not by the function that the file is written with
+    columns["tension"] = np.where(np.isfinite(behind), behind, contact.tension_ahead)
     columns["pressure"] = np.hypot(*contact.pressure.T)
     return {f"{contact.name}.{name}": values for name, values in columns.items()}
 

@@ -42,6 +42,10 @@ EVENTS = ("brake", "arrival", "back", "stop", "turn")  # both answers must have 
 DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags of bars that may be too small
 
 
+def _any_car(view: View) -> bool:
+    return True
+
+
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """One compared quantity.
@@ -54,7 +58,7 @@ class Quantity:
     gap: Gap
     tolerance_kind: str
     law: str = ""
-    concerns: Callable[[View], bool] = lambda view: True
+    concerns: Callable[[View], bool] = _any_car
     order: float = math.inf
 
 
@@ -103,10 +107,6 @@ def _gap_of_fields(gap: Callable[..., float], **options: bool) -> Gap:
 _displacement_gap = partial(_gap_of_fields, measures.relative_displacement_gap)
 _rolls = attrgetter("rolls")
 _free = attrgetter("free")
-
-
-def _any_car(view: View) -> bool:
-    return True
 
 
 def _hauled(view: View) -> bool:

@@ -20,12 +20,13 @@ FACTORS = {("km/h", "m/s"): 1.0 / 3.6, ("%", ""): 0.01, ("°", "deg"): 1.0}
 
 
 def read_csv_columns(file: Path) -> dict[str, Array]:
-    """Columns (n,) of a CSV of numbers; empty cells are nan."""
-    header, _, body = file.read_text(encoding="utf-8").rstrip().partition("\n")
+    """Columns (n,) of a CSV of numbers; empty cells are nan.  ValueError where rows have other lengths."""
+    header, *lines = file.read_text(encoding="utf-8").rstrip().split("\n")
     names = next(csv.reader([header]))
-    cells = [float(cell or "nan") for cell in body.replace("\n", ",").split(",")]
-    columns = np.reshape(cells, (-1, len(names))).T.copy()
-    return dict(zip(names, columns, strict=True))
+    columns = zip(*(line.split(",") for line in lines), strict=True)
+    return {
+        name: np.array([float(cell or "nan") for cell in column]) for name, column in zip(names, columns, strict=True)
+    }
 
 
 def conversion_factor_or_nan(printed_unit: str, to_unit: str) -> float:

@@ -28,8 +28,8 @@ from cablefem.scene.line import Line
 def with_wheel_loads_by_hand(motion: LineMotion, line: Line, moving: MovingLine, states: Sequence[State]) -> LineMotion:
     """The motion with wheel loads of those point cars that have a wheel base."""
     cars = list(motion.cars)
-    for i, car in enumerate(moving.cars_on_rope):
-        wheels = line.car[i].wheels
+    for i, (table, car) in enumerate(zip(line.car, moving.cars_on_rope, strict=True)):
+        wheels = table.wheels
         if wheels is not None and wheels.model == "point" and wheels.base:
             thrust = np.array([moving.thrust(car, x.t, x.phase) for x in states])
             loads = rear_and_front_loads_by_hand(wheels, car, cars[i], thrust, moving.gravity)

@@ -32,7 +32,7 @@ def motion_unit(quantity: str) -> str:
     return str(WORDS[quantity.partition(":")[0]]["unit"])
 
 
-def averaging_time_sentence(round_trip: float) -> str:
+def line_averaging_time_sentence(round_trip: float) -> str:
     """Over what forces among the design numbers are means; round_trip : of an axial wave [s]."""
     return f"forces are means over an axial round trip of the rope, {round_trip:.2g} s"
 
@@ -91,7 +91,7 @@ def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str |
     content["by_hand"] = any("point" in car.get("wheels", {}).values() for car in cars)
     content["stressed"] = any(d["quantity"].startswith("stress") for d in design)
     content["over"] = list(_figures_over_time(line, contacts, paths))
-    content["means"] = averaging_time_sentence(summary["round_trip"])
+    content["means"] = line_averaging_time_sentence(summary["round_trip"])
     content["grips"] = GRIPS if any("drive" not in car for car in cars) else ""
     content["compared"] = [row for row in compared if row not in laws]
     content["laws"] = laws

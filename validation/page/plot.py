@@ -38,7 +38,7 @@ FIELD = (
 )
 
 
-SeriesByName = dict[str, Array]  # values (n,)
+SeriesByName = dict[str, Array]  # values (n,), or of the rope (frames, stations)
 
 
 @dataclass(frozen=True, slots=True)

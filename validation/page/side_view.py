@@ -184,18 +184,21 @@ def packed_car(car: SeriesByName, unit: ForceUnit, **look: Any) -> Content:
 
 def _packed_readout(car: SeriesByName, unit: ForceUnit) -> list[Content]:
     """The numbers that the side view shows of a car, where they are known at all times."""
-    numbers = {"deflection [m]": car["v"]}
-    numbers[f"tension behind [{unit.name}]"] = car["T_behind"] / unit.newtons
-    numbers[f"tension ahead [{unit.name}]"] = car["T_ahead"] / unit.newtons
-    numbers["speed [km/h]"] = 3.6 * car["speed"]
-    numbers |= {f"{words} [{unit.name}]": car[name] / unit.newtons for name, words in FORCES.items() if name in car}
-    numbers |= {f"{angle} [deg]": car[angle] for angle in BODIES if angle in car}
-    readout = []
-    for name, values in numbers.items():
-        digits = 1 if name.startswith(("tension", "speed", *BODIES)) else 2
-        if np.isfinite(values).all():
-            readout.append({"name": name, "digits": digits, "data": pack_array_as_uint16(values)})
-    return readout
+    numbers = [  # name, digits, values
+        ("deflection [m]", 2, car["v"]),
+        (f"tension behind [{unit.name}]", 1, car["T_behind"] / unit.newtons),
+        (f"tension ahead [{unit.name}]", 1, car["T_ahead"] / unit.newtons),
+        ("speed [km/h]", 1, 3.6 * car["speed"]),
+    ]
+    for name, words in FORCES.items():
+        if name in car:
+            numbers.append((f"{words} [{unit.name}]", 2, car[name] / unit.newtons))
+    numbers += [(f"{angle} [deg]", 1, car[angle]) for angle in BODIES if angle in car]
+    return [
+        {"name": name, "digits": digits, "data": pack_array_as_uint16(values)}
+        for name, digits, values in numbers
+        if np.isfinite(values).all()
+    ]
 
 
 def packed_series(series: SeriesByName) -> Content:

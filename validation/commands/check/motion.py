@@ -58,13 +58,13 @@ def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end: float) -> Itera
     """A row for each law that applies to the line in the TOML and each ladder, up to the time `end`."""
     line = motion_laws.LineTables(toml)
     laws = motion_laws.laws_that_apply(line, [ladder.finest.motion for ladder in ladders])
-    samples: dict[tuple[int, int], motion_laws.SampledMotion] = {}  # by run and step, for all laws
+    samples: dict[tuple[int, int], tuple[LineRun, motion_laws.SampledMotion]] = {}  # by run and step, for all laws
 
     def defects(law: motion_laws.Law, moved: LineRun, every: int = 1) -> Array:
         key = id(moved), every
         if key not in samples:
-            samples[key] = motion_laws.SampledMotion(line, moved.motion, every)
-        return law(samples[key], end)
+            samples[key] = moved, motion_laws.SampledMotion(line, moved.motion, every)  # an id lives with its run
+        return law(samples[key][1], end)
 
     for ladder in ladders:
         for name, law in laws.items():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from validation.commands.check.page import agreement_sentence, third_party_verdict_and_sentence
 from validation.commands.check.study import Check
-from validation.core.agreement import Verdict, sufficient_tolerance_sentence
+from validation.core.agreement import Verdict, excess_over_tolerance_sentence
 from validation.page import printing, terminal
 
 
@@ -37,5 +37,5 @@ def _print_agreement(result: Check) -> None:
         worst, sentence = third_party_verdict_and_sentence(rows, name)
         terminal.print_text(f"  {name}: {sentence}", style=terminal.STYLES[worst])
     own_rows = [row for row in result.rows if not row.third_party]
-    if result.own_verdict is Verdict.TOO_COARSE and (advice := sufficient_tolerance_sentence(own_rows)):
-        terminal.print_text(f"  {advice}")
+    if result.own_verdict is Verdict.TOO_COARSE and (excess := excess_over_tolerance_sentence(own_rows)):
+        terminal.print_text(f"  {excess}")

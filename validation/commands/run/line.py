@@ -51,15 +51,10 @@ def _numbers_at_position(rest: LineRest, position: int) -> Row:
     for j in range(len(line.contact)):
         out |= _numbers_at_contact(rest, position, j)
     for a, b in itertools.pairwise(line.contact):
-        between = station_index(state, a.name), station_index(state, b.name)
+        between = state.station_index(a.name), state.station_index(b.name)
         out[f"sag:{a.name} to {b.name}"] = catenary_line.sag_between_stations(state, *between)
     out |= _rope_tensions_and_clearances(line, state)
     return {name: None if isinstance(x, float) and not math.isfinite(x) else x for name, x in out.items()}
-
-
-def station_index(state: LineState, name: str) -> int:
-    """Index of the station of a contact or car."""
-    return [station.name for station in state.case.stations].index(name)
 
 
 def _rope_tensions_and_clearances(line: Line, state: LineState) -> Row:
@@ -86,7 +81,7 @@ def _numbers_at_car(rest: LineRest, position: int, car: Car) -> Row:
     if car.hauled:
         forces["haul"] = state.haul
     if shoe is None:
-        k = station_index(state, car.name)
+        k = state.station_index(car.name)
         depth = float(state.points[k, 1])
         values: Row = {f"{name}:{car.name}": float(N[k]) for name, N in forces.items()}
     else:
@@ -105,7 +100,7 @@ def _depth_on_shoe(rest: LineRest, position: int, car: Car, saddle: tuple[float,
 
     At its ends the rail runs along the chords to the saddle, there with their mean slope.
     """
-    left, right = (state.points[station_index(state, car.name)] for state in rest.shoe_ends[position, car.name])
+    left, right = (state.points[state.station_index(car.name)] for state in rest.shoe_ends[position, car.name])
     x, y = np.array([left, saddle, right]).T
     slopes = np.diff(y) / np.diff(x)  # of both chords
     rail = CubicHermiteSpline(x, y, [slopes[0], slopes.mean(), slopes[1]])
@@ -118,7 +113,7 @@ def _numbers_at_contact(rest: LineRest, position: int, contact_index: int) -> Ro
     state = rest.states[position]
     contact = line.contact[contact_index]
     name = contact.name
-    k = station_index(state, name)
+    k = state.station_index(name)
     out = {f"tension:{name}": float(np.nanmax(state.station_tensions[k]))}
     if contact.kind == "saddle":
         across, down = state.rope_force_on_stations[k].tolist()

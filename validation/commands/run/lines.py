@@ -13,7 +13,7 @@ from cablefem.response import write_json
 from cablefem.scene import SceneError
 from cablefem.scene.line import Line
 from validation.core import limits, store
-from validation.core.agreement import Agreement, Verdict, sufficient_tolerance_sentence, worst_deciding_verdict
+from validation.core.agreement import Agreement, Verdict, excess_over_tolerance_sentence, worst_deciding_verdict
 from validation.core.answers import Outcome
 from validation.core.sidebyside import Progress, no_progress
 from validation.page import line as at_rest
@@ -154,8 +154,8 @@ def _answer_one_line(command: str, line: Line, moves: bool, out: Path | None, so
         result.print_answer(seconds)
         if result.rows:
             terminal.print_text(f"  {_agreement_counts_sentence(result)}")
-            if result.verdict is Verdict.TOO_COARSE and (advice := sufficient_tolerance_sentence(result.rows)):
-                terminal.print_text(f"  {advice}")
+            if result.verdict is Verdict.TOO_COARSE and (excess := excess_over_tolerance_sentence(result.rows)):
+                terminal.print_text(f"  {excess}")
     report.write_report_and_finish(folder, command)
     html = "".join(f"{section.summary}{section.html}" for section in report.read_stored_sections(folder, command))
     faults = [*result.output_faults(folder / home, html), *line_terminal_faults(printed, html, folder / home)]

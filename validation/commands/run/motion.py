@@ -44,9 +44,9 @@ from validation.page import terminal
 from validation.page.line import print_line_summary
 from validation.page.motion import (
     TABLE_QUANTITIES,
-    averaging_time_sentence,
     comparison_words,
     design_number_rows,
+    line_averaging_time_sentence,
     motion_unit,
 )
 
@@ -530,7 +530,7 @@ class MotionAnswers(LineAnswers):
         printed = design_number_rows(moving)
         print_line_summary(self.line, self.outcome.sentence, self.limits, printed, len(self.design))
         terminal.print_text(
-            f"  {averaging_time_sentence(self.moved.period)}; path-*.csv and contacts.csv have each time step"
+            f"  {line_averaging_time_sentence(self.moved.period)}; path-*.csv and contacts.csv have each time step"
         )
         settings = ", ".join(f"{value} {name}" for name, value in self.moved.settings.items())
         terminal.print_text(f"  {self.moved.method}, {settings}; {seconds:.1f} s")

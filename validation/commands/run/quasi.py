@@ -15,7 +15,7 @@ from cablefem.response import Array
 from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
 from cablefem.scene.moving import line_in_motion
-from validation.commands.run.line import RestAnswers, answer_line, station_index
+from validation.commands.run.line import RestAnswers, answer_line
 from validation.core import store
 
 
@@ -85,7 +85,7 @@ def _x_shifts_to_reach_s(at_rest: Line, s_by_car: dict[str, Array]) -> dict[str,
 
 def _x_shift_to_s(state: LineState, car_name: str, s: float) -> float:
     """Distance in x [m] along the tangent ahead of a car from where it is to s."""
-    k = station_index(state, car_name)
+    k = state.station_index(car_name)
     level, down = state.ahead[k].tolist()
     N = float(np.hypot(level, down))
     case = state.case

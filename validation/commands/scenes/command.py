@@ -1,3 +1,5 @@
+import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -48,7 +50,8 @@ def _toml_by_scene_name(name: str | None) -> dict[str, str]:
 
     if name is None or name in BUILT_IN:
         return {key: Scene.library_text(key) for key in (BUILT_IN if name is None else [name])}
-    scene = load_line_or_refuse(name) or load_scene_or_refuse(name)
+    with redirect_stdout(sys.stderr):  # notes are no TOML
+        scene = load_line_or_refuse(name) or load_scene_or_refuse(name)
     return {scene.name: scene.to_toml()}
 
 

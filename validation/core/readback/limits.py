@@ -9,7 +9,7 @@ import numpy as np
 
 from validation.core.readback.stored import Faults, Row, read_package_toml
 from validation.core.readback.texts import rows_of_each_table, shows_design_number
-from validation.core.scene_data import ROUNDING
+from validation.core.scene_data import GROUND, ROUNDING
 
 LIMIT_VERDICT = r"(met|not met|too close to tell|cannot be judged: .*|not computed.*)$"
 
@@ -105,7 +105,7 @@ def _is_limit_stated(demand: str, row: Row, scene: Row, regulations: Iterable[Ro
 def _kind_of_obstacle_or_ground(row: Row, scene: Row) -> str | None:
     """The kind that the scene gives to what a demanded clearance is over; None without one."""
     kinds = {x["name"]: x.get("kind") for x in scene.get("obstacle", [])}
-    kinds["the ground"] = scene["limits"].get("ground")
+    kinds[GROUND] = scene["limits"].get("ground")
     return kinds.get(row["demand"].removeprefix(OVER))
 
 

@@ -13,7 +13,7 @@ from validation.core.readback.limits import LIMIT_VERDICT, expected_scope_senten
 from validation.core.readback.stored import (
     Faults,
     Row,
-    expected_tolerance_sentences,
+    expected_excess_sentences,
     read_json,
     read_package_toml,
     worst_asked_verdict,
@@ -69,7 +69,7 @@ def _sentences_beside_tables(summary: Row, judged: Sequence[Row]) -> Iterator[st
     if judged:
         yield read_package_toml("page", "assets/verdicts.toml")[worst_asked_verdict(judged) or "not comparable"]
         yield "; ".join(_agreement_count_sentences(judged))
-        yield from expected_tolerance_sentences(judged)
+        yield from expected_excess_sentences(judged)
 
 
 def _line_scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
@@ -77,7 +77,9 @@ def _line_scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
     cars = scene.get("car", [])
     either = [{car.get("drive", {}).get("mode", "grip") for car in cars}]
     if at_rest:
-        either = [{"rest"}, {"haul" if car.get("hauled") else "grip" for car in cars}]
+        either = [{"rest"}]
+        if cars:
+            either.append({"haul" if car.get("hauled") else "grip" for car in cars})
     yield from expected_scope_sentences(scene.get("limits", {}).get("use", []), *either)
     if all("at" in car for car in cars):
         yield "at the given positions of the cars; without `at` each number is that of its worst place"

@@ -69,12 +69,12 @@ def worst_asked_verdict(rows: Iterable[Row]) -> str | None:
     return next((verdict for verdict in ORDER if verdict in verdicts), None)
 
 
-def expected_tolerance_sentences(rows: Iterable[Row]) -> Iterator[str]:
-    """How much larger a tolerance would make the too coarse ones of stored comparisons agree."""
+def expected_excess_sentences(rows: Iterable[Row]) -> Iterator[str]:
+    """How far the too coarse ones of stored comparisons exceed what was asked."""
     coarse = [row for row in rows if row["asked"] and row["verdict"] == "too coarse" and row["asked_for"]]
     if coarse and all(row["allowed"] is not None for row in coarse):
         excess = max(max(row["gap"], row["allowed"]) / row["asked_for"] for row in coarse)
-        yield f"gaps and bars are up to {excess:.2g} times what was asked: a --tol larger by as much would do"
+        yield f"gaps and bars are up to {excess:.3g} times what was asked"
 
 
 def read_json(file: Path) -> Any:

@@ -9,11 +9,11 @@ from markupsafe import Markup
 
 from cablefem.response import Response
 from validation.core.answers import averaging_time_sentence, crosswind_scope_text, outcome_of_run
+from validation.core.design import axial_round_trip_time
 from validation.core.limits import limit_rows, limit_scope_sentences
 from validation.core.measures import time_means_between
 from validation.core.methods import METHODS
 from validation.core.quantities import key_numbers, limit_row_texts
-from validation.core.scene_data import SceneData
 from validation.page.answer import figures as draw
 from validation.page.answer.stored import StoredAnswer
 from validation.page.page import Content, Row, limits_of, versions_footer
@@ -63,7 +63,7 @@ def _cost_row(r: Response) -> Row:
 
 def mean_forces_at_peak_loads(r: Response, design: Sequence[Row]) -> list[Row]:
     """What each support carries when that is largest: components of one instant, means over an axial round trip."""
-    half = 0.5 * SceneData(r.scene_toml, r.length).round_trip
+    half = 0.5 * axial_round_trip_time(r.scene_toml, r.length)
     peaks = {d["quantity"]: d["t"] for d in design}
     loads = []
     for side in ("left", "right"):
