@@ -83,6 +83,22 @@ def test_a_hauled_car_and_a_prescribed_stop():
     assert (found.kind, found.sentence) == ("stopped", "stops at 300.0 m after 60.0 s")
 
 
+@pytest.mark.parametrize(
+    "travel",
+    [
+        {"kind": "trapezoid", "top_speed": 10.0, "acceleration": 1.0, "deceleration": 1.0, "to": 307.8, "rest": 8.0},
+        {"kind": "table", "times": [0, 10, 20, 30, 40, 60], "positions": [0, 46.9, 150, 253.1, 300, 300]},
+    ],
+)  # fmt: skip
+def test_a_car_stops_when_it_comes_to_rest_and_not_when_the_run_ends(travel):
+    data = tomllib.loads(Scene.load("tramway").to_toml()) | {"travel": travel | {"from": 7.8}}
+    scene = Scene(**data)
+    ride = quasi_static(scene)
+    kind, sentence = answers.outcome_of_run(scene, ride)
+    assert (kind, sentence) == ("stopped", "stops at 307.8 m after 40.0 s")
+    assert recomputed.recomputed_outcome_row(ride, None, kind, sentence).verdict is Verdict.AGREE
+
+
 def scene_with_tree(top):
     return scene_with_changes(obstacle=[{"name": "tree", "at": 180.0, "top": top}])
 

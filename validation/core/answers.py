@@ -122,9 +122,8 @@ def _end_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:
     """Whether the travel of the scene crosses, stops or is hauled, and from where on no answer is valid."""
     # past the slack onset nothing is compared
     motion = scene.groups.motion
-    duration = scene.arrival_time
     assert motion is not None
-    assert duration is not None
+    duration = motion.time_at_position(motion.end_position) * scene.time_scale  # without the rest after it
     end = scene.length if r.drive == "grip" else scene.drive.end_position(scene.length)
     last = motion.end_position * scene.length
     kind = "crossed"

@@ -405,7 +405,7 @@ def _travel_end_and_duration(data: SceneData, length: float, start: float, end: 
     if law["kind"] == "table":
         last = min(end, law["positions"][-1] + start)
         known = last < end and "stop" not in law
-        return last, law["times"][-1] if known else math.nan
+        return last, law["times"][law["positions"].index(law["positions"][-1])] if known else math.nan
 
     def position_at(t: float) -> float:
         return float(timetable.positions_at(law, data.drive, length, np.array([t]))[0])
