@@ -103,7 +103,8 @@ class Car(Part):
         "[-] at rest: true: it rolls, and a haul rope holds it; false: it grips the rope", None
     )
     at: Positions | None = described_field(
-        "[m] x at rest, one for each position; without it a single car is where its numbers are extreme", None,
+        "[m] x at rest, one for each position; those in between over an obstacle or a top of the ground are added; "
+        "without it a single car is where its numbers are extreme", None,
         json_schema_extra={"type": ["number", "array", "object"]},
     )  # fmt: skip
     travel: Travel | None = described_field("[-] in motion: its timetable", None)

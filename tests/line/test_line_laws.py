@@ -11,6 +11,7 @@ from cablefem.elements import line as elements
 from cablefem.scene.line import Line
 from tests.line.lines import SPRUNG, THREE, TRAMWAY, WEIGHED, line
 from validation.commands.run.line import answer_line, max_and_min_rows
+from validation.commands.run.worst import with_added_positions
 from validation.core.agreement import Verdict
 from validation.core.line_laws import printed_number_rows, statics_law_rows
 from validation.page import line as page
@@ -77,7 +78,7 @@ def test_laws_see_forces_that_saddles_and_cars_cannot_give():
 GROUND = [[0.0, 5.0], [300.0, -60.0], [800.0, -260.0], [1300.0, -420.0]]
 TREE = {"name": "tree", "at": 300.0, "top": -90.0}
 FEW = {"car.up.at": [50, 320, 698, 704], "car.down.at": [488, 702, 900, 1142]}
-TRAM = Line.load("two-span").replace(FEW | {"ground": GROUND, "obstacle": [TREE]})
+TRAM = with_added_positions(Line.load("two-span").replace(FEW | {"ground": GROUND, "obstacle": [TREE]}))
 
 
 def laws_broken_by_files(folder, result, edit=lambda folder: None, html=lambda text: text, of=TRAM):

@@ -62,6 +62,25 @@ def test_the_car_stands_exactly_over_an_obstacle(design_values_of_line):
     )
 
 
+@pytest.mark.parametrize("top", ["hut", "the ground"])
+def test_a_car_that_passes_a_top_between_two_positions_is_as_low_as_over_it(top):
+    """Its path sags between them: the clearance is that of the car over the top, not of a straight line."""
+    ridge = [[0.0, 80.0], [290.0, 80.0], [301.7, 62.0], [310.0, 80.0], [600.0, 80.0]]
+    line = LINE.replace({"ground": ridge, "car.car.at": [100.0, 520.0]})
+    name = f"clearance_car_min:car over {top}"
+    over = design_values(line.replace({"car.car.at": 301.7}))
+    assert design_values(line)[name] == pytest.approx(over[name], rel=1e-12)
+
+
+def test_other_cars_go_on_in_proportion_while_one_passes_an_obstacle():
+    line = cf.Line.load("two-span").replace({"obstacle": [{"name": "hut", "at": 300.0, "top": -60.0}]})
+    line = line.replace({"car.up.at": [100.0, 500.0], "car.down.at": [800.0, 1000.0]})
+    answer = cf.run(line)
+    assert answer.line.car[0].at == (100.0, 300.0, 500.0)
+    assert answer.line.car[1].at == pytest.approx((800.0, 900.0, 1000.0))
+    assert answer.line == cf.run(answer.line).line
+
+
 @pytest.mark.slow
 def test_a_check_of_all_places_agrees():
     assert cf.check(LINE).verdict.value == "agree"

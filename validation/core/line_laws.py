@@ -27,7 +27,6 @@ from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.readback import limit_faults, limit_table_faults, plain_text
 from validation.core.scene_data import (
     DOWN,
-    GROUND,
     ROUNDING,
     LineData,
     conversion_factor_or_nan,
@@ -392,10 +391,10 @@ def _numbers_at_car(
     if car["hauled"]:
         row[f"haul:{name}"] = haul
     row[f"depth:{name}"] = depth
-    ground = data.profiles.get(GROUND)
-    if ground is not None and ground[0, 0] <= x <= ground[-1, 0]:
-        height = float(np.interp(x, *ground.T)) - depth
-        row[f"clearance_car:{name} over {GROUND}"] = height - car.get("below", 0.0)
+    for of, profile in data.profiles.items():
+        if profile[0, 0] <= x <= profile[-1, 0]:
+            height = float(np.interp(x, *profile.T)) - depth
+            row[f"clearance_car:{name} over {of}"] = height - car.get("below", 0.0)
     return row
 
 
@@ -480,30 +479,14 @@ def _min_height_of_rope(rope: RopeAtRest, profile: Array) -> float | None:
     return float(heights.min()) if heights.size else None
 
 
-def extremes_of_numbers(data: LineAtRest, rows: Sequence[PositionNumbers | None]) -> dict[str, tuple[float, float]]:
-    """Smallest and largest value of each number over all positions; of cars also where they pass between two."""
-    at_rest = [row for row in rows if row]
+def extremes_of_numbers(rows: Sequence[PositionNumbers | None]) -> dict[str, tuple[float, float]]:
+    """Smallest and largest value of each number over all positions."""
     values: dict[str, list[float]] = {}
-    for row in at_rest:
+    for row in filter(None, rows):
         for name, value in row.items():
             if isinstance(value, float) and not name.startswith("x:"):
                 values.setdefault(name, []).append(value)
-    for car in data.cars:
-        path = [(row[f"x:{car['name']}"], row[f"depth:{car['name']}"]) for row in at_rest]
-        for name, profile in data.profiles.items():
-            heights = _heights_between_positions(path, profile) - car.get("below", 0.0)
-            values.setdefault(f"clearance_car:{car['name']} over {name}", []).extend(heights.tolist())
     return {name: (min(x), max(x)) for name, x in values.items() if x}
-
-
-def _heights_between_positions(path: Sequence[tuple[float, float]], profile: Array) -> Array:
-    """Heights [m] over points of a profile (n, 2) that a car passes on chords between positions x and depth in turn."""
-    heights = [np.empty(0)]
-    for pair in itertools.pairwise([*path, path[-1]]):
-        x, depth = np.transpose(sorted(pair))
-        passed = profile[(profile[:, 0] >= x[0]) & (profile[:, 0] <= x[1])]
-        heights.append(passed[:, 1] - np.interp(passed[:, 0], x, depth))
-    return np.concatenate(heights)
 
 
 # --- what is printed ------------------------------------------------------------------------------------------------
@@ -563,7 +546,7 @@ class _PrintedLine:
         self.summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         self.gaps = LargestGaps()
         self.rows = numbers_by_position(self.data, rest)
-        self.extremes = extremes_of_numbers(self.data, self.rows)
+        self.extremes = extremes_of_numbers(self.rows)
         self.tension_max = self.extremes["tension_max"][1]
 
     @cached_property
@@ -654,7 +637,7 @@ class _PrintedLine:
             at = {car["name"]: self.data.x_of_car(car, i) for car in self.data.cars}
             gaps.note_difference("design, positions of cars", quantity, number["at"], at)
             row = self.rows[i] or {}
-            if name in row and not name.startswith("clearance_car"):
+            if name in row:
                 gaps.note_difference("design, value there", quantity, number["value"], row[name], allowed)
         for name in known:
             gaps.note_difference("design", name, name in names, True)

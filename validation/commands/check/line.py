@@ -27,7 +27,7 @@ from validation.commands.run.line import (
     numbers_by_position,
 )
 from validation.commands.run.lines import Row
-from validation.commands.run.worst import with_extreme_car_positions
+from validation.commands.run.worst import with_added_positions
 from validation.core import line_laws, store
 from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, BoundPart, no_bound
 from validation.core.order import FIRST, error_bar
@@ -218,10 +218,9 @@ def check_line(
     refuse_tolerances_out_of_range(tol, tol_tension)
     tol_tension = tol if tol_tension is None else tol_tension
     checked = line
-    line = with_extreme_car_positions(line)
+    line = with_added_positions(line)
     if second is not None and line is not checked:
-        car = line.car[0]
-        second = second.replace({f"car.{car.name}.at": list(car.at or ())})
+        second = second.replace({f"car.{car.name}.at": list(car.at or ()) for car in line.car})
     both = solve_both_refining_elements(line, second or line, tol, tol_tension)
     units = both.units_with_tolerances(tol, tol_tension)
     designs = both.design_numbers_of_each()

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -89,10 +89,18 @@ def _numbers_at_car(rest: LineRest, position: int, car: Car) -> Row:
         values = {f"{name}:{car.name}": None for name in forces}
     out: Row = {f"x:{car.name}": x, f"depth:{car.name}": depth, f"on:{car.name}": shoe and shoe.name}
     out |= values
-    ground = np.array(line.ground).reshape(-1, 2)  # (m, 2)
-    if line.ground and ground[0, 0] <= x <= ground[-1, 0]:
-        out[_car_clearance_name(car, GROUND)] = float(np.interp(x, *ground.T)) - depth - car.below
+    for name, profile in _profiles_below(line).items():
+        if profile[0, 0] <= x <= profile[-1, 0]:
+            out[f"clearance_car:{car.name} over {name}"] = float(np.interp(x, *profile.T)) - depth - car.below
     return out
+
+
+def _profiles_below(line: Line) -> dict[str, Array]:
+    """Points (n, 2) [m] of the ground, one of each obstacle: x and depth, by name."""
+    profiles = {o.name: np.array([[o.at, o.top]]) for o in line.obstacle}
+    if line.ground:
+        profiles[GROUND] = np.array(line.ground)
+    return profiles
 
 
 def _depth_on_shoe(rest: LineRest, position: int, car: Car, saddle: tuple[float, float]) -> float:
@@ -143,45 +151,10 @@ def _downward_bend_degrees(state: LineState, station: int) -> float:
     return math.degrees(ahead - behind)
 
 
-def _car_clearance_name(car: Car, obstacle: str) -> str:
-    return f"clearance_car:{car.name} over {obstacle}"
-
-
-def _clearances_between_positions(line: Line, rows: Sequence[Row | None]) -> list[tuple[str, int, float]]:
-    """Clearances of cars over obstacles and corners of the ground that they pass, linear between two positions.
-
-    Each with its name and the position before; rows : numbers by position.
-    """
-    out = []
-    tops = [(o.name, o.at, o.top) for o in line.obstacle]
-    tops += [(GROUND, *point) for point in line.ground]
-    for car in line.car:
-        track = _track_of_car(line, car, rows)
-        for before, after in itertools.pairwise([*track, *track[-1:]]):
-            for name, x, top in tops:
-                if min(before.x, after.x) <= x <= max(before.x, after.x):
-                    share = (x - before.x) / (after.x - before.x) if after.x != before.x else 0.0
-                    clearance = top - before.depth - share * (after.depth - before.depth) - car.below
-                    out.append((_car_clearance_name(car, name), before.position, clearance))
-    return out
-
-
-class CarPoint(NamedTuple):
-    position: int  # index
-    x: float
-    depth: float
-
-
-def _track_of_car(line: Line, car: Car, rows: Sequence[Row | None]) -> list[CarPoint]:
-    """Where a car is at each position that has a depth."""
-    depths = [None if row is None else row[f"depth:{car.name}"] for row in rows]
-    return [CarPoint(i, line.position_of(car, i), depth) for i, depth in enumerate(depths) if depth is not None]
-
-
 def max_and_min_rows(line: Line, rows: Sequence[Row | None]) -> list[Row]:
     """Design numbers: largest and smallest value of each quantity, with its position; rows : numbers by position."""
     out = []
-    for name, values in _values_by_quantity(line, rows).items():
+    for name, values in _values_by_quantity(rows).items():
         words = WORDS[name.partition(":")[0]]
         for word, pick in (("max", max), ("min", min)):
             if words.get("only", word) == word:
@@ -196,10 +169,9 @@ def max_and_min_rows(line: Line, rows: Sequence[Row | None]) -> list[Row]:
     return out
 
 
-def _values_by_quantity(line: Line, rows: Sequence[Row | None]) -> dict[str, list[tuple[float, int]]]:
+def _values_by_quantity(rows: Sequence[Row | None]) -> dict[str, list[tuple[float, int]]]:
     """Values of each quantity, each with the index of its position; rows : numbers by position."""
     values = [(name, i, value) for i, row in enumerate(rows) for name, value in (row or {}).items()]
-    values += _clearances_between_positions(line, rows)
     series: dict[str, list[tuple[float, int]]] = {}
     for name, i, value in values:
         if isinstance(value, float) and base_quantity(name) != "x":
@@ -384,9 +356,9 @@ def answer_line(line: Line, *, rest: LineRest | None = None) -> RestAnswers:
     rest : its solution, if there is one.
     """
     if rest is None:
-        from validation.commands.run.worst import with_extreme_car_positions
+        from validation.commands.run.worst import with_added_positions
 
-        line = with_extreme_car_positions(line)
+        line = with_added_positions(line)
         rest = line.solve_at_rest(catenary_line.solve)
     numbers = numbers_by_position(rest)
     if not any(numbers):

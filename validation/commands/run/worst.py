@@ -1,4 +1,4 @@
-"""Positions of a car at rest where numbers are extreme, by exact statics."""
+"""Positions of cars at rest that are added to those of a line: over what they pass, and where numbers are extreme."""
 
 import itertools
 import math
@@ -7,16 +7,51 @@ from collections.abc import Iterator
 import numpy as np
 
 from cablefem import catenary_line
-from cablefem.scene.line import Line
+from cablefem.scene.line import Car, Line
 from validation.commands.run.line import numbers_by_position
 from validation.commands.run.lines import Row
 
 
-def with_extreme_car_positions(line: Line) -> Line:
-    """The line with its car over each span and at every position where a number is extreme, if it has no `at`."""
+def with_added_positions(line: Line) -> Line:
+    """The line with its cars also over every obstacle and top of the ground that they pass between two positions.
+
+    A car without `at` is over each span, and at every position where a number is extreme.
+    """
     car = next((car for car in line.car if car.at is None), None)
-    if car is None:
+    return _with_cars_over_tops(line) if car is None else _with_extreme_positions(line, car)
+
+
+def _with_cars_over_tops(line: Line) -> Line:
+    """The line with a position for each top that a car passes between two, the other cars in proportion."""
+    tops = _tops_below(line)
+    given = np.array([[line.position_of(car, i) for car in line.car] for i in range(line.position_count)])  # (n, cars)
+    positions = [given[0]]
+    for before, after in itertools.pairwise(given):
+        at_tops = {1.0: after}  # by share of the way
+        for (k, (a, b)), x in itertools.product(enumerate(zip(before, after, strict=True)), tops):
+            if min(a, b) < x < max(a, b):
+                share = float((x - a) / (b - a))
+                between = at_tops.setdefault(share, before + share * (after - before))
+                between[k] = x  # without rounding
+        positions += [at_tops[share] for share in sorted(at_tops)]
+    if len(positions) == len(given):
         return line
+    x_by_car = np.transpose(positions).tolist()
+    return line.replace({f"car.{car.name}.at": x for car, x in zip(line.car, x_by_car, strict=True)})
+
+
+def _tops_below(line: Line) -> list[float]:
+    """x [m] of obstacles, and of the ends of the ground and its corners that rise above their neighbours' chord."""
+    tops = [o.at for o in line.obstacle]
+    if line.ground:
+        x, depth = np.transpose(line.ground)
+        rises = np.diff(np.diff(depth) / np.diff(x)) > 0.0  # depth points down
+        tops += x[[True, *rises.tolist(), True]].tolist()
+    return tops
+
+
+def _with_extreme_positions(line: Line, car: Car) -> Line:
+    """The line with a car over each span and at every position where a number is extreme."""
     positions = _NumbersByCarPosition(line, f"car.{car.name}.at")
     first = sorted(set(_positions_to_try_first(line)))
     positions.solve_at(first)
@@ -29,7 +64,7 @@ def with_extreme_car_positions(line: Line) -> Line:
 
 
 def _positions_to_try_first(line: Line) -> Iterator[float]:
-    """Positions over each span, the middles of shoes, obstacles and corners of the ground."""
+    """Positions over each span, the middles of shoes, obstacles and tops of the ground."""
     low = 0.0
     high = line.contact[-1].at[0]
     count = 17  # positions in each span that are tried first
@@ -41,9 +76,7 @@ def _positions_to_try_first(line: Line) -> Iterator[float]:
         yield from np.linspace(a + (left.shoe or gap) + gap, b - (right.shoe or gap) - gap, count).tolist()
         if left.shoe is not None:
             yield from (a - left.shoe, a, a + left.shoe)
-    for x in (*(o.at for o in line.obstacle), *(x for x, _ in line.ground)):
-        if low < x < high:
-            yield x
+    yield from (x for x in _tops_below(line) if low < x < high)
 
 
 class _NumbersByCarPosition:
