@@ -163,7 +163,7 @@ def test_limits_of_a_line_at_rest_are_printed_and_judged(cablefem):
     rows = json.loads(Path("x/agreement.json").read_text())["limits"]
     assert [row["verdict"] for row in rows] == ["cannot be judged: give cable.breaking_load", "not met", "met", "met"]
     assert "smallest knee angle, empty" in out
-    assert "at the given positions of the cars" in out
+    assert "at the positions in positions.csv" in out
     page = Path("x/report.html").read_text()
     assert list(readback.limit_table_faults(page, rows)) == []
     value = f"{rows[1]['value']:.5g}"
@@ -185,6 +185,16 @@ def test_a_hauled_load_at_rest_is_within_the_scope_of_texts_on_ropeways_that_hau
     code, out, err = cablefem("run", "skyline", *given, "--out", "x")
     assert (code, err) == (0, "")
     assert ("outside its scope" in out) is outside
+
+
+@pytest.mark.parametrize("text", ["vorarlberg-goods", "france-1974", "zip-line"])
+def test_nothing_is_asked_of_a_car_at_rest_that_it_cannot_have(cablefem, text):
+    """Wheels, a hanger and an arrival belong to cars in motion; `at` is refused beside them."""
+    code, out, _ = cablefem("run", "skyline", "--limits", text, "--out", "x")
+    assert code == 0
+    assert "not computed: only in motion" in out
+    assert "give the car" not in out
+    assert "no rider arrives" not in out
 
 
 def test_a_bare_rope_is_outside_of_texts_on_cars(cablefem, tmp_path):

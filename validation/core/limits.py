@@ -114,8 +114,8 @@ def limit_scope_sentences(scene: Scene | Line) -> list[str]:
         inside = any(modes <= set(text["modes"]) for modes in _drive_modes(scene))
         outside = "" if inside else "; this scene is outside its scope"
         out.append(f"{text['source']}: for {text['scope']}{outside}")
-    if isinstance(scene, Line) and not scene.moves and all(car.at is not None for car in scene.car):
-        out.append("at the given positions of the cars; without `at` each number is that of its worst place")
+    if isinstance(scene, Line) and scene.car and not scene.moves:
+        out.append("at the positions in positions.csv; a single car without `at` is also where each number is worst")
     return out
 
 
@@ -152,7 +152,10 @@ class _ComputedDemandValues:
             value = self._smallest(SMALLEST[demand])
         elif demand in COMPUTED:
             value = COMPUTED[demand](self)
-        return [unknown_value(DEMANDS[demand][3]) if value is None else value]
+        if value is None:
+            only_in_motion = self.at_rest and demand in ONLY_IN_MOTION
+            value = unknown_value("not computed: only in motion" if only_in_motion else DEMANDS[demand][3])
+        return [value]
 
     def _numbers_of_kind(self, kind: str) -> list[ValueWithBar]:
         """Design numbers of a kind; without a bar exact for a line at rest, else of an infinite one."""
@@ -237,6 +240,7 @@ class _ComputedDemandValues:
 
 # demands and the kind of design number that answers them: its largest, its smallest, or a value computed from some
 LARGEST = {"acceleration": "acceleration_max", "deceleration": "deceleration_max", "speed": "speed_max"}
+ONLY_IN_MOTION = ("tension_over_wheel", "swing_along", "arrival_speed")
 SMALLEST = {"tension_over_wheel": "tension_over_wheel_min", "knee_empty": "knee_empty_min"}
 COMPUTED: dict[str, Callable[[_ComputedDemandValues], ValueWithBar | None]] = {
     "safety_factor": _ComputedDemandValues.safety_factor,

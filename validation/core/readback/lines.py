@@ -81,8 +81,7 @@ def _line_scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
         if cars:
             either.append({"haul" if car.get("hauled") else "grip" for car in cars})
     yield from expected_scope_sentences(scene.get("limits", {}).get("use", []), *either)
-    if all("at" in car for car in cars):
-        yield "at the given positions of the cars; without `at` each number is that of its worst place"
+    yield "at the positions in positions.csv; a single car without `at` is also where each number is worst"
 
 
 def _agreement_count_sentences(judged: Sequence[Row]) -> Iterator[str]:
