@@ -315,7 +315,11 @@ class Line(Described):
     """A rope over several contacts, and the positions of cars on it."""
 
     built_in: ClassVar[Sequence[str]] = LINES
-    not_modelled: ClassVar = NOT_MODELLED | dict.fromkeys(("supports", "mass", "travel", "drive"), ONE_SPAN)
+    not_modelled: ClassVar = (
+        NOT_MODELLED
+        | dict.fromkeys(("supports", "mass", "travel", "drive"), ONE_SPAN)
+        | {"wind": "[wind] across belongs to one span in motion; along a line, drive.wind blows on a car in motion"}
+    )
 
     cable: LineRope
     contact: Annotated[tuple[Contact, ...], list_of_tables_like("[[contact]]")]

@@ -157,20 +157,26 @@ def _parse_clause(text: str) -> Clause:
     return Clause(text, _colons_to_dots(match[1]), 1.0 if match[2][0] == ">" else -1.0, match[3], match[4])
 
 
-def refuse_uncheckable_clauses(clauses: Sequence[Clause], answers: Sequence[Answer]) -> None:
-    """Refused for a name that no answer knows and no event has, a unit that does not fit, and limits without any."""
+def refuse_uncheckable_clauses(clauses: Sequence[Clause], answers: Sequence[Answer], events: Sequence[str]) -> None:
+    """Refused for a name that no answer knows and no event has, a unit that does not fit, and limits without any.
+
+    events : names that answers may have, if not at these values.
+    """
     limited = any(answer.limits for answer in answers)
     if not limited and any(clause.is_about_limits for clause in clauses):
         raise Refused(f"--so-that {LIMITS}: none are given; must be in [limits] or by --limits")
     for clause in clauses:
         if clause.sign:
-            _refuse_unknown_name_or_unit(clause, answers)
+            _refuse_unknown_name_or_unit(clause, answers, events)
 
 
-def _refuse_unknown_name_or_unit(clause: Clause, answers: Sequence[Answer]) -> None:
-    """Refused for an unknown name, and a unit that does not fit."""
+def _refuse_unknown_name_or_unit(clause: Clause, answers: Sequence[Answer], events: Sequence[str]) -> None:
+    """Refused for an unknown name, and a unit that does not fit; known are, of a known kind, all names of that kind."""
     names = {name for answer in answers for name in answer.numbers}
-    known = {name.partition(".")[0] for name in names} | {f"{event}.{name}" for event in EVENT_NAMES for name in UNITS}
+    kind, dot, _ = clause.name.partition(".")
+    of_kind = {name for name in names if name.startswith(f"{kind}.")}
+    kinds = {name.partition(".")[0] for name in names if name.partition(".")[0] not in events}
+    known = of_kind if dot and of_kind else kinds | {f"{event}.{name}" for event in events for name in UNITS}
     if names and clause.name not in names | known:
         raise Refused(f"--so-that {clause.text}: unknown name.{did_you_mean(clause.name, sorted(known))}")
     for answer in answers:

@@ -18,7 +18,14 @@ from cablefem.scene.errors import short_text
 from cablefem.scene.keys import list_keys as keys_of
 from cablefem.scene.line import Line
 from cablefem.scene.short import load_line_or_none
-from validation.commands.find.condition import Answer, Clause, Row, parse_condition, refuse_uncheckable_clauses
+from validation.commands.find.condition import (
+    EVENT_NAMES,
+    Answer,
+    Clause,
+    Row,
+    parse_condition,
+    refuse_uncheckable_clauses,
+)
 from validation.core import store
 from validation.core.quantities import text_with_bar
 from validation.core.sidebyside import Progress, no_progress
@@ -48,6 +55,11 @@ class Threshold:
     checked: tuple[int, float, float | None] | None = None
 
     @property
+    def interval(self) -> float:
+        """Distance of both neighbours: what bisection left open."""
+        return abs(self.fails_at - self.holds_at)
+
+    @property
     def sentence(self) -> str:
         """The answer with its bar, what happens beyond it, and what the check says."""
         side, beyond = ("at most", "above") if self.fails_at > self.holds_at else ("at least", "below")
@@ -56,9 +68,7 @@ class Threshold:
             text = f"about {float(f'{self.value:.2g}'):g}"
             sure += ", but its error bar leaves no digit of that"
         else:
-            # a bar of rounding would print digits that bisection does not have
-            width = abs(self.fails_at - self.holds_at)
-            text = text_with_bar(self.value, max(self.bar or 0.0, width))
+            text = text_with_bar(self.value, self.interval if self.bar is None else self.bar)
             sure += "" if self.bar is not None else ", whose own error is not known"
         return f"{side} {f'{text} {self.unit}'.rstrip()}; {beyond}: {self.fails}; {sure}"
 
@@ -257,7 +267,7 @@ class _Search:
         answers = [answer for value in ends for answer in self.answers_at(value)]
         if all(answer.kind == FAILED for answer in answers):
             raise Refused(f"{self.key}: {answers[0].sentence}")
-        refuse_uncheckable_clauses(self.clauses, answers)
+        refuse_uncheckable_clauses(self.clauses, answers, () if isinstance(self.scene, Line) else EVENT_NAMES)
 
     def margins_at(self, value: float) -> list[float]:
         """Margin of each clause in each answer, see `Clause.margin`; those of an answer follow one another."""
@@ -349,9 +359,9 @@ class _Search:
             number = clause.number_in(answer) if numeric else None
             if number is None:
                 return self._with_bar_by_full_model(threshold) if by_check else threshold
-            slope = abs((after[i] - before[i]) / (threshold.fails_at - threshold.holds_at))
+            slope = abs(after[i] - before[i]) / threshold.interval
             off = abs(clause.margin(answer) - before[i])
-            bar = math.inf if number.bar is None else (off + number.bar) / slope
+            bar = math.inf if number.bar is None else max((off + number.bar) / slope, threshold.interval)
             useful = bar < self.width / BRACKETS
             threshold = replace(threshold, bar=bar if useful else None, checked=(i, number.value, number.bar))
             if useful or isinstance(scene, Line):

@@ -180,7 +180,7 @@ def _change_faults(change: Row, margins_at: dict[float, list[float]], numbers_at
     if change["checked"] is not None and change["bar"] is not None:
         i, number, of_number = change["checked"]
         slope = abs((numbers_at[bad][i] - numbers_at[good][i]) / (bad - good))
-        bar = (abs(number - numbers_at[good][i]) + of_number) / slope
+        bar = max((abs(number - numbers_at[good][i]) + of_number) / slope, abs(change["fails_at"] - good))
         if abs(change["bar"] - bar) > ROUNDING * bar:
             yield f"bar {change['bar']} where {bar} follows from the check"
 
@@ -192,7 +192,7 @@ def _answer_text_faults(match: re.Match[str], change: Row) -> Faults:
     if match[2]:  # about
         good = _answer_shows_value(match, change["value"])
     else:
-        width = max(change["bar"] or 0.0, abs(change["fails_at"] - change["holds_at"]))
-        good = shows_value(match[3], change["value"], bar=width)
+        interval = abs(change["fails_at"] - change["holds_at"])
+        good = shows_value(match[3], change["value"], bar=interval if change["bar"] is None else change["bar"])
     if match.group(1, 5) != words or not good or (match[4] or "") != change["unit"]:
         yield f"{match[0]!r} where {change['value']} with the bar {change['bar']} is stored"
