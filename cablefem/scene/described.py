@@ -20,8 +20,7 @@ _FIRST = ("level", "cruise", "inclined", "bare", "tramway", "zipline")
 _SCENES = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if file.name.endswith(".toml"))
 LINES = sorted(file.name.removesuffix(".toml") for file in (_FILES / "lines").iterdir())
 OF_ONE_SPAN = (
-    "this needs one span with [supports]; a line of [[contact]] takes run, check, find, and advise if a car has a "
-    "hanger or two wheels"
+    "this needs one span with [supports]; a line of [[contact]] takes run, check and find, in motion advise and chart"
 )
 LIBRARY = (*_FIRST, *(name for name in _SCENES if name not in _FIRST))
 BUILT_IN = (*LIBRARY, *LINES)

@@ -19,7 +19,8 @@ from tests.commands.test_files import undocumented_keys
 from tests.motion.lines import BODIES
 from tests.motion.test_bodies import tram_line
 from tests.motion.test_scene import SPAN
-from validation.commands.advise import bodies, page
+from validation.commands.advise import page
+from validation.commands.advise.lines import advise_on_line
 from validation.commands.run.motion import ELEMENTS, LineRuns, motion_answers
 from validation.core.motion_laws import faults_of_line_files
 from validation.core.wheels import neglected_wheel_load, rear_and_front_loads_by_hand, rope_stresses_under_wheel
@@ -176,9 +177,9 @@ def advice(folder, *changes):
     for old, new in changes:
         text = text.replace(old, new)
     (folder / "span.toml").write_text(text)
-    found = bodies.advise_on_point_masses(load_line_or_none(folder / "span.toml"), 1e-2, folder)
+    found = advise_on_line(load_line_or_none(folder / "span.toml"), 1e-2, folder)
     assert not undocumented_keys(folder / "advice.json")
-    return {row["need"]: row for row in found["bodies"]}, *found["periods"], page.sections(folder)[0].summary
+    return {row["need"]: row for row in found["bodies"]}, *found["periods"], page.sections(folder)[1].summary
 
 
 def test_a_trolley_without_moments_may_be_a_point_where_it_starts_and_stops_gently(tmp_path):
@@ -203,9 +204,9 @@ def test_a_trolley_may_not_be_a_point_where_it_stops_at_once(tmp_path):
 
 
 def test_a_cabin_that_is_stopped_may_not_be_a_point(tmp_path):
-    found = bodies.advise_on_point_masses(Line.load("emergency-stop"), 1e-2, tmp_path)
+    found = advise_on_line(Line.load("emergency-stop"), 1e-2, tmp_path)
     haul = next(row for row in found["bodies"] if row["need"] == "haul force")
     assert not haul["enough"]
     assert haul["run"] == pytest.approx(haul["formula"], rel=0.15)
     assert not found["periods"][0]["short"]
-    assert page.sections(tmp_path)[0].verdict == ""  # the answer is no, not that nothing could be compared
+    assert page.sections(tmp_path)[1].verdict == ""  # the answer is no, not that nothing could be compared

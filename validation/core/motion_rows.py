@@ -16,6 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cablefem.motion import CarMotion, ContactMotion, LineMotion
+from cablefem.newmark import Work
 from cablefem.response import Array
 from cablefem.scene.bodies import Wheels
 from cablefem.scene.line import Line, LineRope
@@ -45,7 +46,8 @@ class LineRun:
     period: float  # [s] axial round trip of the rope
     instants: Array  # [s] common to all runs
     n_dof: int
-    steps: int
+    work: Work  # of its steps
+    seconds: float  # [s] of processor time that these took
 
     @property
     def end(self) -> float:

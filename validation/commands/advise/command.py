@@ -21,17 +21,17 @@ def command(
     ],
     out: Out = None,
 ) -> int:
-    """Find the simplest model and cheapest method for a scene; of a line in motion, whether cars may be points.
+    """Find the simplest model and cheapest method for a scene; of a line in motion, whether rest or points do.
 
     Writes DIR/: advice.json, with the evidence, and report.html.
     """
     line = load_line_or_refuse(scene)
-    if line is not None and any(car.hanger or (car.wheels and car.wheels.inertia) for car in line.car):
-        from validation.commands.advise import bodies
+    if line is not None and line.moves:
+        from validation.commands.advise.lines import advise_on_line
 
         if faults := tolerance_faults(tol):
             raise store.Refused(faults)
-        run_and_report_study("advise", line, ["advice.json"], out, bodies.advise_on_point_masses, line, tol)
+        run_and_report_study("advise", line, ["advice.json"], out, advise_on_line, line, tol)
         return 0
     loaded = load_scene_or_refuse(scene, tolerance_faults(tol), needs_mass=True)
 

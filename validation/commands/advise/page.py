@@ -17,7 +17,7 @@ COLOURS = {"string": ORANGE, "sagged": SKY, "stretching": GREEN}
 def sections(folder: Path) -> list[Section]:
     x = store.read_json(folder / "advice.json")
     if "bodies" in x:
-        return render_sections(__package__, "bodies.html", x=x)
+        return render_sections(__package__, "lines.html", x=x)
     rungs = [r for r in x["rungs"] if "v" in r]
     drawing = _plot_paths(x, rungs) if len(rungs) > 1 else ""
     return render_sections(__package__, x=x, drawing=drawing)

@@ -3,7 +3,13 @@ from typing import Annotated
 
 import typer
 
-from validation.page.options import Out, SceneName, load_scene_or_refuse, run_and_report_study
+from validation.page.options import (
+    Out,
+    SceneName,
+    load_line_or_refuse,
+    load_scene_or_refuse,
+    run_and_report_study,
+)
 
 EXAMPLE = "cablefem chart level"
 
@@ -13,10 +19,16 @@ def command(
     budget: Annotated[float, typer.Option(metavar="S", min=1.0, help="Seconds for all runs together.")] = 240.0,
     out: Out = None,
 ) -> int:
-    """Chart speed against accuracy of every method on a scene.
+    """Chart speed against accuracy of every method on a scene, or of both solvers on a line in motion.
 
     Writes DIR/: chart.json and report.html.
     """
+    line = load_line_or_refuse(scene)
+    if line is not None and line.moves:
+        from validation.commands.chart.lines import chart_line
+
+        run_and_report_study("chart", line, ["chart.json"], out, partial(chart_line, budget=budget), line)
+        return 0
     loaded = load_scene_or_refuse(scene, needs_mass=True)
 
     from validation.commands.chart.study import chart

@@ -32,6 +32,9 @@ def sections(folder: Path) -> list[Section]:
 
 
 def _error_label(chart: Row, quantity: str) -> str:
+    if chart.get("drive") == "line":
+        tension = "error of mean tensions / largest at the start"
+        return tension if quantity == "tension" else "error of the cars' paths / deflection"
     if quantity == "tension":
         return "rms error of the tension / H"
     free = chart.get("drive") == "free"
@@ -43,6 +46,8 @@ def _chart_title(r: Row) -> str:
     if r["kind"] != "method":
         known = {"integrator": "integration in time", "model": "cheaper models"}
         return known.get(r["kind"], "by tolerance, and other codes")
+    if r["method"] not in METHODS:
+        return "both solvers of lines"
     wing = METHODS[r["method"]].wing
     if wing == "elements":
         return "elements, fixed mesh" if "fixed" in r["series"] else "elements"

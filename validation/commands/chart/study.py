@@ -104,9 +104,13 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
     reference = _Reference.compute(scene, before.get("reference"))
     rows: list[Row] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
     todo = list(chart_series(scene.groups))
-    machine = package_versions() | {"machine": platform.machine(), "threads": "1"}
     content: Row = {"scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode}
-    content |= {"machine": machine, "window": list(reference.window), "reference": reference.stored, "rows": rows}
+    content |= {
+        "machine": versions_and_machine(),
+        "window": list(reference.window),
+        "reference": reference.stored,
+        "rows": rows,
+    }
     for i, series in enumerate(todo):
         report(series.name, 0.05 + 0.85 * i / len(todo))
         share = (6.0 if series.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
@@ -121,6 +125,11 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
     write_json(path, content)
     report("done", 1.0)
     return content
+
+
+def versions_and_machine() -> dict[str, str]:
+    """What the seconds of a chart depend on beside the scene."""
+    return package_versions() | {"machine": platform.machine(), "threads": "1"}
 
 
 def chart_series(groups: Groups) -> Iterator[Series]:

@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import process_time
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from cablefem import catenary_line
 from cablefem.elements.system import LineElements
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, join_motions_in_time
-from cablefem.newmark import State, StepFailure, Work, integrate_blocks, scheme
+from cablefem.newmark import Scheme, State, StepFailure, Work, integrate_blocks, scheme
 from cablefem.response import Array, write_csv, write_json, write_text
 from cablefem.scene.contacts import Car, MovingLine
 from cablefem.scene.line import Line, LineState
@@ -66,6 +67,7 @@ class LineMethod:
     coarsest: int
     on_wave: float  # coarsest resolution on the length of a wave; four times it leaves 0.1 % of the pitch
     system: Callable[[MovingLine, int], Any]
+    scheme: str = "radau"  # see `cablefem.newmark.scheme`
 
 
 ELEMENTS = LineMethod("elements", "elements", 2, 0.6, lambda line, n: LineElements(line, elements=n, degree=4))
@@ -193,14 +195,14 @@ def run_ladders(solvers: Sequence[LineRuns], space_factor: int, time_factor: int
     map_in_parallel(lambda item: item[0].run(*item[1]), missing, store_run)
 
 
-def append_marched_states(states: list[State], system: Any, steps: list[Array], work: Work) -> None:
+def append_marched_states(states: list[State], system: Any, chosen: Scheme, steps: list[Array], work: Work) -> None:
     """March a system on from the last state, or from its start, up to an event that ends it; append its states.
 
     Where forces jump, the states before and after the jump are appended.
     """
     noted = len(work.events)
     start = states[-1] if states else None
-    for group in integrate_blocks(system, scheme("radau"), steps, work=work, start=start):
+    for group in integrate_blocks(system, chosen, steps, work=work, start=start):
         if len(work.events) > noted and work.after_event is not None:
             states.append(work.after_event)
         noted = len(work.events)
@@ -252,6 +254,7 @@ class LineRuns:
         else:
             self.grid = [np.unique([t0, t1, *like.instants_between(t0, t1)]) for t0, t1 in phases]
             self.instants = like.instants_between(0.0, self.line.t_end)
+        self.fewest_steps = sum(t.size - 1 for t in self.grid)
         self.known: dict[Factors, LineRun] = {}  # runs made so far, by `run`'s arguments
 
     def instants_between(self, t0: float, t1: float) -> Array:
@@ -293,8 +296,11 @@ class LineRuns:
         steps = grid
         steps_on_rail = 6  # coarsest steps of a car on a rail over a shoe
         shares_of_rail = np.linspace(0.0, 2.0, 2 * steps_on_rail * time_factor + 1)
+        seconds = 0.0
         while True:
+            begin = process_time()
             march = self._march_one_system(system, start, steps, work)
+            seconds += process_time() - begin
             parts.append(system.observe(march.states, s))
             states += march.states
             if march.following is None:
@@ -306,21 +312,22 @@ class LineRuns:
         events = [(event.name, event.t) for event in work.events]
         return LineRun(
             method=self.method.name,
-            settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
+            settings={self.method.setting: n, "steps": time_factor * self.fewest_steps},
             motion=with_wheel_loads_by_hand(motion, self.table, self.line, states),
             events=events_without_rattling(events, self.line, motion),
             reason=march.reason,
             period=self.period,
             instants=self.instants,
             n_dof=n_dof,
-            steps=work.steps,
+            work=work,
+            seconds=seconds,
         )
 
     def _march_one_system(self, system: Any, start: State | None, steps: list[Array], work: Work) -> SystemMarch:
         """The run of one system from a state on, or from its start; Refused where it does not begin."""
         states: list[State] = [] if start is None else [start]
         try:
-            append_marched_states(states, system, steps, work)
+            append_marched_states(states, system, scheme(self.method.scheme), steps, work)
             following = None
             if work.events and states[-1].t < self.line.t_end:
                 following = system.system_after(work.events[-1].name, states[-1])
@@ -461,7 +468,7 @@ class MotionAnswers(LineAnswers):
             "scene": line.name, "title": line.title, "method": moved.method, "settings": moved.settings,
             "status": self.status, "reason": moved.reason, "outcome": outcome.sentence, "outcome_kind": outcome.kind,
             "events": events, "design": self.design, "limits": self.limits, "round_trip": moved.period,
-            "n_dof": moved.n_dof, "steps": moved.steps, "seconds": seconds,
+            "n_dof": moved.n_dof, "steps": moved.work.steps, "seconds": seconds,
         }  # fmt: skip
         write_json(folder / "summary.json", store.nulls_for_nonfinite(summary))
 

@@ -11,12 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from cablefem import catenary_line
+from cablefem.motion import CarMotion, ContactMotion
 from cablefem.response import Array
 from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
 from cablefem.scene.moving import line_in_motion
 from validation.commands.run.line import RestAnswers, answer_line
 from validation.core import store
+from validation.core.motion_rows import LineRun
 
 
 def answer_line_quasi_statically(line: Line) -> RestAnswers:
@@ -33,7 +35,7 @@ def line_at_timetable_positions(line: Line) -> Line:
             where = "where it is follows from the motion; must be hauled or grip for --model quasi-static"
             raise store.Refused(f"car.{car.name}.drive.mode = 'free': {where}")
     moving = line_in_motion(line, catenary_line.solve)
-    x = _timetable_positions_by_car(moving)
+    x = _timetable_positions_by_car(moving, timetable_instants(moving))
     thermal_stretch = 1.0 + line.cable.thermal_strain
     s_by_car = {car.name: x[car.name] / thermal_stretch for car in moving.cars_on_rope if car.along == "s"}
     empty = line.solve_empty_line(catenary_line.solve)
@@ -49,19 +51,57 @@ def line_at_timetable_positions(line: Line) -> Line:
     return _at_rest_with_cars_at(line, x)
 
 
-def _timetable_positions_by_car(moving: MovingLine) -> dict[str, Array]:
-    """Prescribed positions (n,) [m] along each car's axis, without instants at which all cars stand."""
-    ends = [end for _, end in moving.phases]
-    count = 81  # instants of the timetables
+def timetable_instants(moving: MovingLine) -> Array:
+    """Instants (n,) [s] of the states of rest, without those at which all cars stand still."""
+    count = 81
     t = np.linspace(0.0, moving.t_end, count)
-    phases = np.minimum(np.searchsorted(ends, t), len(ends) - 1).tolist()
-    positions = np.empty((len(moving.cars_on_rope), count))
-    for i, car in enumerate(moving.cars_on_rope):
-        for k, phase in enumerate(phases):
-            positions[i, k] = moving.prescribed_position_with_rates(car, float(t[k]), phase)[0]
+    positions = list(_timetable_positions_by_car(moving, t).values())
     moves = np.any(np.diff(positions, axis=1) != 0.0, axis=0)
-    names = [car.name for car in moving.cars_on_rope]
-    return dict(zip(names, positions[:, np.append(True, moves)], strict=True))
+    return t[np.append(True, moves)]
+
+
+def largest_distances_from_rest(line: Line, moving: MovingLine, moved: LineRun) -> dict[str, dict[str, float]]:
+    """By contact or car, and by need, the largest distance of a motion from the states of rest at equal times.
+
+    Needs: path [m], tension [N] behind or ahead, haul force [N] of a hauled car.  Forces of the motion are means over
+    an axial round trip.  A car on a shoe does not count.  Refused for a car that rolls freely.
+    """
+    states = line_at_timetable_positions(line).solve_at_rest(catenary_line.solve).states
+    t = timetable_instants(moving)[[*states]]
+    motion = moved.motion
+    distances: dict[str, dict[str, float]] = {}
+    bodies: list[ContactMotion | CarMotion] = [*motion.contacts, *motion.cars]
+    for body in bodies:
+        haul_force = body.haul_force if isinstance(body, CarMotion) else np.full(motion.t.size, np.nan)
+        forces = [body.tension_behind, body.tension_ahead, haul_force]
+        columns = [*body.point.T, *map(moved.mean_over_axial_round_trip, forces)]
+        in_motion = np.stack([np.interp(t, motion.t, column) for column in columns])  # (5, m)
+        at_rest = np.stack([_numbers_of_station(state, body.name) for state in states.values()], axis=1)
+        x, y, behind, ahead, haul = np.abs(in_motion - at_rest)[:, t <= moved.end]
+        by_need = {"path": np.hypot(x, y), "tension": np.fmax(behind, ahead), "haul force": haul}
+        known = {need: off[np.isfinite(off)] for need, off in by_need.items()}
+        distances[body.name] = {need: float(off.max()) for need, off in known.items() if off.size}
+    return distances
+
+
+def _numbers_of_station(state: LineState, name: str) -> Array:
+    """Point [m], tensions behind and ahead and haul force [N] (5,) of a contact or car; nan of what it has not."""
+    names = [station.name for station in state.case.stations]
+    if name not in names:
+        return np.full(5, np.nan)
+    k = names.index(name)
+    return np.array([*state.points[k], *state.station_tensions[k], state.haul[k]])
+
+
+def _timetable_positions_by_car(moving: MovingLine, t: Array) -> dict[str, Array]:
+    """Prescribed positions (n,) [m] along each car's axis at times t (n,)."""
+    ends = [end for _, end in moving.phases]
+    phases = np.minimum(np.searchsorted(ends, t), len(ends) - 1)
+    positions: dict[str, Array] = {}
+    for car in moving.cars_on_rope:
+        at = zip(t.tolist(), phases.tolist(), strict=True)
+        positions[car.name] = np.array([moving.prescribed_position_with_rates(car, *x)[0] for x in at])
+    return positions
 
 
 def _at_rest_with_cars_at(line: Line, x_by_car: dict[str, Array]) -> Line:

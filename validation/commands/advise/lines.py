@@ -1,11 +1,12 @@
-"""Whether a point mass is enough for a line in motion whose cars have two wheels or a cabin that swings.
+"""What a line in motion needs: states of rest, points for cars whose cabins swing or that have two wheels, or bodies.
 
-By formula and by run: the line with its bodies against the same line with points.
+By run, and of points by formula, too: the line with its bodies against the same line with points.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,6 +20,7 @@ from cablefem.scene.drive import Thrust
 from cablefem.scene.line import Line
 from validation.commands.check.motion import reference_scales
 from validation.commands.run.motion import ELEMENTS, LineRuns
+from validation.commands.run.quasi import largest_distances_from_rest
 from validation.core import store
 from validation.core.agreement import FORCES
 from validation.core.motion_rows import LineRun, turning_and_wheel_load_series
@@ -28,17 +30,52 @@ from validation.core.wheels import approximate_pitch_period, neglected_wheel_loa
 Row = dict[str, Any]
 
 
-def advise_on_point_masses(line: Line, tol: float, out: Path, report: Progress = no_progress) -> Row:
-    """Write advice.json: distances of points from bodies, and periods beside starts and stops."""
-    report("bodies and points", 0.0)
-    bodies = LineRuns(ELEMENTS, _line_with_car_model(line, "rigid"))
-    report("bodies and points", 0.5)
+def advise_on_line(line: Line, tol: float, out: Path, report: Progress = no_progress) -> Row:
+    """Write advice.json: distances of states of rest from the motion, those of points from bodies, and periods."""
+    report("with all bodies", 0.0)
+    runs = LineRuns(ELEMENTS, _line_with_car_model(line, "rigid"))
+    run = runs.run(2, 2)
+    scales = reference_scales(line, run)
+    allowed = _Allowed(tol * scales.path, FORCES * tol * scales.tension, FORCES * tol, scales.weights)
+    content: Row = {"scene": line.name, "scene_toml": line.to_toml(), "tol": tol, "bodies": [], "periods": []}
+    report("states of rest", 0.5)
+    content["at_rest"], content["no_rest"] = [], ""
+    try:
+        distances = largest_distances_from_rest(line, runs.line, run)
+    except store.Refused as refused:
+        content["no_rest"] = str(refused)
+    else:
+        content["at_rest"] = [
+            allowed.row(name, need, distance) for name, of in distances.items() for need, distance in of.items()
+        ]
+    if any(car.turning is not None for car in run.motion.cars):
+        report("with points", 0.6)
+        content["bodies"], content["periods"] = _point_mass_rows(line, runs, run, allowed)
+    write_json(out / "advice.json", store.nulls_for_nonfinite(content))
+    return content
+
+
+@dataclass(frozen=True, slots=True)
+class _Allowed:
+    """Largest distances within the tolerance."""
+
+    path: float  # [m]
+    tension: float  # [N]
+    share: float  # of the weight of a car, for other forces
+    weights: dict[str, float]  # [N] by car
+
+    def row(self, name: str, need: str, distance: float, formula: float | None = None) -> Row:
+        """The row of advice.json of a contact or car."""
+        limits = {"path": self.path, "tension": self.tension}
+        allowed = limits[need] if need in limits else self.share * self.weights[name]
+        row: Row = {"car": name, "need": need.replace("_", " "), "unit": "m" if need == "path" else "N"}
+        return row | {"formula": formula, "run": distance, "allowed": allowed, "enough": distance <= allowed}
+
+
+def _point_mass_rows(line: Line, bodies: LineRuns, body_run: LineRun, allowed: _Allowed) -> tuple[list[Row], list[Row]]:
+    """Distances of points from bodies, and periods of these beside starts and stops."""
     points = LineRuns(ELEMENTS, _line_with_car_model(line, "point"), bodies)
-    body_run = bodies.run(2, 2)
     point_run = points.run(2, 2)
-    scales = reference_scales(line, body_run)
-    force_tol = FORCES * tol
-    allowed = {"path": tol * scales.path, "tension": force_tol * scales.tension}
     rows: list[Row] = []
     periods: list[Row] = []
     short = 0.1  # period over the duration of a start or stop that a point follows
@@ -58,13 +95,8 @@ def advise_on_point_masses(line: Line, tol: float, out: Path, report: Progress =
             formulas["haul force"] = _haul_force_error_of_cabin(table.hanger, point, ramp, period)
         periods.append({"car": car.name, "period": period, "ramp": ramp, "short": period <= short * ramp})
         for need, distance in _max_distances_by_need(body_run, body, point_run, point).items():
-            limit = allowed.get(need, force_tol * scales.weights[car.name])
-            row: Row = {"car": car.name, "need": need.replace("_", " "), "unit": "m" if need == "path" else "N"}
-            row |= {"formula": formulas.get(need), "run": distance, "allowed": limit, "enough": distance <= limit}
-            rows.append(row)
-    content = {"scene": line.name, "scene_toml": line.to_toml(), "tol": tol, "bodies": rows, "periods": periods}
-    write_json(out / "advice.json", store.nulls_for_nonfinite(content))
-    return content
+            rows.append(allowed.row(car.name, need, distance, formulas.get(need)))
+    return rows, periods
 
 
 def _line_with_car_model(line: Line, model: Literal["rigid", "point"]) -> Line:

@@ -1,0 +1,80 @@
+"""What a line in motion needs: speed against accuracy of both solvers, and whether states of rest will do."""
+
+import pytest
+
+from cablefem.scene.line import Line
+from tests.commands.test_files import undocumented_keys
+from tests.motion.test_quasi_static import TRAMWAY
+from validation.commands.advise import page as advice_page
+from validation.commands.advise.lines import advise_on_line
+from validation.commands.chart import page as chart_page
+from validation.commands.chart.lines import chart_line
+
+SLOW = TRAMWAY.replace("top_speed = 8.0", "top_speed = 0.8").replace("eration = 0.5", "eration = 0.02")
+HARD = TRAMWAY.replace("eration = 0.5", "eration = 4.0")
+
+
+@pytest.mark.parametrize(("toml", "enough"), [(SLOW, True), (HARD, False)])
+def test_states_of_rest_do_for_slow_travel_and_not_for_hard_starts_and_stops(tmp_path, toml, enough):
+    found = advise_on_line(Line.from_toml(toml), 1e-2, tmp_path)
+    assert all(row["enough"] for row in found["at_rest"]) is enough
+    assert {row["car"] for row in found["at_rest"]} == {"weight", "right", "car"}
+    assert not undocumented_keys(tmp_path / "advice.json")
+    (section,) = advice_page.sections(tmp_path)  # a car without cabin or two wheels is a point
+    assert section.summary.startswith(f"States of rest are {'enough' if enough else 'not enough ('}")
+
+
+def test_a_haul_force_of_rest_leaves_out_mass_times_acceleration(tmp_path):
+    found = advise_on_line(Line.from_toml(HARD), 1e-2, tmp_path)
+    (haul,) = (row for row in found["at_rest"] if row["need"] == "haul force")
+    assert haul["run"] == pytest.approx(6000.0 * 4.0, rel=0.2)
+
+
+def test_a_car_that_rolls_freely_has_no_timetable_for_states_of_rest(tmp_path):
+    free = (
+        TRAMWAY[: TRAMWAY.index("drive =")]
+        + 'drive = {mode = "free", start = 600.0, rolling_friction = 0.01, end = {time = 10.0}}\n'
+    )
+    found = advise_on_line(Line.from_toml(free), 1e-2, tmp_path)
+    assert found["at_rest"] == []
+    assert "car.car.drive.mode = 'free'" in found["no_rest"]
+    assert "no model here" in advice_page.sections(tmp_path)[0].summary
+
+
+@pytest.fixture(scope="module")
+def charted(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("chart")
+    return chart_line(Line.from_toml(HARD), folder, ladder=((1, 1), (2, 1), (2, 2))), folder
+
+
+def rows_by_settings(chart, name):
+    """Rows of a series by multiples of the coarsest resolution and of the fewest steps."""
+    rows = [row for row in chart["rows"] if row["series"] == name and row["status"] == "ok"]
+    least = {key: min(row["settings"][key] for row in rows) for key in rows[0]["settings"]}
+    return {tuple(value // least[key] for key, value in row["settings"].items()): row for row in rows}
+
+
+def test_both_solvers_of_a_line_come_nearer_the_finer_they_are(charted):
+    for name in ("elements", "sines"):
+        rows = rows_by_settings(charted[0], name)
+        for error in ("path_error", "tension_error"):
+            assert rows[2, 2][error] < 0.5 * rows[1, 1][error]
+    assert charted[0]["reference"]["witness_path"] < 1e-4
+
+
+def test_a_scheme_of_first_order_halves_its_error_with_half_the_steps(charted):
+    rows = rows_by_settings(charted[0], "scheme newmark")
+    assert rows[2, 2]["path_error"] == pytest.approx(0.5 * rows[2, 1]["path_error"], rel=0.3)
+    assert rows_by_settings(charted[0], "elements")[2, 2]["path_error"] < rows[2, 2]["path_error"]
+
+
+def test_states_of_rest_are_a_model_on_the_chart_of_a_line(charted):
+    (row,) = (row for row in charted[0]["rows"] if row["kind"] == "model")
+    full = rows_by_settings(charted[0], "elements")[1, 1]
+    assert full["path_error"] < 0.1 * row["path_error"]
+
+
+def test_the_page_of_a_line_s_chart_says_whose_errors_they_are(charted):
+    page = "".join(f"{section.title} {section.html}" for section in chart_page.sections(charted[1]))
+    assert "Both solvers of lines: error of the cars&#39; paths / deflection" in page
+    assert "model quasi-static" in page

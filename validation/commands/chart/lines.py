@@ -1,0 +1,187 @@
+"""Speed against accuracy of both solvers, of time schemes and of states of rest on a line in motion.
+
+Reference: elements, finer than the chart.
+Path error: largest distance of a car at equal times, over the largest deflection of a car.
+Tension error: the largest of mean tensions at contacts, over the largest tension at the start.
+Seconds: processor time of the steps alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+
+from cablefem import catenary_line
+from cablefem.newmark import SCHEMES
+from cablefem.response import Array, write_json
+from cablefem.scene.line import Line
+from validation.commands.chart.front import Row, fastest_methods_at_error
+from validation.commands.chart.study import SETTINGS, Series, versions_and_machine
+from validation.commands.check.motion import reference_scales
+from validation.commands.run.motion import ELEMENTS, SINES, Factors, LineMethod, LineRuns
+from validation.commands.run.quasi import largest_distances_from_rest, line_at_timetable_positions
+from validation.core import store
+from validation.core.motion_laws import tension_behind_or_ahead
+from validation.core.motion_rows import LineRun, Scales, distances
+from validation.core.sidebyside import Progress, no_progress
+
+LADDER: tuple[Factors, ...] = tuple((space, time) for space, time in SETTINGS["line_ladder"])
+DOUBLED = 6.0  # times as long takes a run of twice the resolution and steps, at most
+
+
+def chart_line(
+    line: Line, out: Path, report: Progress = no_progress, *, budget: float = 240.0, ladder: Sequence[Factors] = LADDER
+) -> Row:  # fmt: skip
+    """Write chart.json of a line in motion.
+
+    ladder : multiples of the coarsest resolution and of the fewest steps;  the reference has twice the largest.
+    budget : [s] for all runs; half of it is the reference's, and a line of the chart that has spent its share leaves
+        rows "not run".
+    """
+    report("reference", 0.0)
+    runs = LineRuns(ELEMENTS, line)
+    reference = _Reference.compute(line, runs, 2 * int(np.max(ladder)), 0.5 * budget)
+    rows: list[Row] = []
+    content: Row = {"scene": line.name, "scene_toml": line.to_toml(), "drive": "line"}
+    content |= {"machine": versions_and_machine(), "window": [0.0, reference.run.end]}
+    content |= {"reference": reference.stored, "rows": rows}
+    methods = list(_charted_methods())
+    for i, (series, method) in enumerate(methods):
+        report(series.name, 0.5 + 0.5 * i / len(methods))
+        solver = runs if method is ELEMENTS else LineRuns(method, line, runs)
+        rows += _rows_of_series(series, solver, ladder, reference, 0.5 * budget / len(methods))
+        write_json(out / "chart.json", content)
+    rows.append(_quasi_static_row(line, runs, reference))
+    content["fastest"] = [fastest_methods_at_error(rows, error) for error in SETTINGS["decades"]]
+    write_json(out / "chart.json", content)
+    report("done", 1.0)
+    return content
+
+
+def _charted_methods() -> Iterator[tuple[Series, LineMethod]]:
+    """Both solvers, and elements with the other schemes."""
+    for method in (ELEMENTS, SINES):
+        yield Series(method.name, "method", (), method.name), method
+    for scheme in SCHEMES:
+        if scheme not in (ELEMENTS.scheme, "central-difference"):
+            yield Series(f"scheme {scheme}", "integrator", (), ELEMENTS.name), replace(ELEMENTS, scheme=scheme)
+
+
+@dataclass(frozen=True, slots=True)
+class _Reference:
+    """The run that all others are compared with, and what chart.json stores of its error."""
+
+    run: LineRun
+    scales: Scales
+    stored: Row
+
+    @classmethod
+    def compute(cls, line: Line, runs: LineRuns, finest: int, seconds: float) -> _Reference:
+        """The finest run that the processor time allows; its error is its distance from one twice as coarse.
+
+        runs : of elements;  finest : largest multiple of both settings.
+        The witness is the sines' run of half these multiples.
+        """
+        finer = 2
+        run = runs.run(finer, finer)
+        while finer < finest and DOUBLED * run.seconds < seconds:
+            finer *= 2
+            run = runs.run(finer, finer)
+        half = finer // 2
+        reference = cls(run, reference_scales(line, run), {})
+        stored: Row = {"method": run.method, "settings": run.settings}
+        stored |= reference.errors(runs.run(half, half))
+        witness = LineRuns(SINES, line, runs).run(half, half)
+        stored |= {"witness": witness.method, "witness_settings": witness.settings}
+        stored["witness_path"] = reference.errors(witness)["path_error"]
+        return replace(reference, stored=stored)
+
+    def errors(self, moved: LineRun) -> dict[str, float]:
+        """Errors of the cars' paths and of mean tensions at the contacts, dimensionless."""
+        end = min(moved.end, self.run.end)
+        path = [
+            distances(moved.at_common_instants(a.point, end), self.run.at_common_instants(b.point, end))
+            for a, b in zip(moved.motion.cars, self.run.motion.cars, strict=True)
+        ]
+        tension = [
+            np.abs(_mean_tension(moved, k, end) - _mean_tension(self.run, k, end))
+            for k in range(len(self.run.motion.contacts))
+        ]
+        return {
+            "path_error": float(np.max(path)) / self.scales.path,
+            "path_rms": float(np.sqrt(np.mean(np.square(path)))) / self.scales.path,
+            "tension_error": float(np.max(tension)) / self.scales.tension,
+        }
+
+    def failure_reason(self, moved: LineRun) -> str | None:
+        """Why a run is not comparable: it broke, or ends otherwise than the reference does."""
+        if moved.reason is not None:
+            return moved.reason
+        same_end = 0.02  # of the duration
+        if abs(moved.end - self.run.end) <= same_end * self.run.end:
+            return None
+        last = f": {moved.events[-1][0]}" if moved.events else ""
+        return f"ends after {moved.end:.1f} s instead of {self.run.end:.1f} s{last}"
+
+
+def _mean_tension(moved: LineRun, contact: int, end: float) -> Array:
+    """Tension at a contact, averaged over an axial round trip, at the common instants (n,) [N]."""
+    tension = tension_behind_or_ahead(moved.motion.contacts[contact])
+    return moved.at_common_instants(moved.mean_over_axial_round_trip(tension), end)
+
+
+def _rows_of_series(
+    series: Series, solver: LineRuns, ladder: Sequence[Factors], reference: _Reference, seconds: float
+) -> Iterator[Row]:
+    """Rows of one line of the chart, while the next run is likely to fit into the processor time."""
+    name = solver.method.setting
+    spent = 0.0
+    last = 0.0
+    for space, time in ladder:
+        settings = {name: space * solver.coarsest, "steps": time * solver.fewest_steps}
+        if spent + 2.0 * last > seconds:
+            yield series.chart_row(settings, status="not run", reason="more than its share of the time")
+            continue
+        begin = process_time()
+        row = _row_or_failure(series, settings, partial(solver.run, space, time), reference)
+        last = process_time() - begin
+        spent += last
+        yield row
+
+
+def _row_or_failure(series: Series, settings: Row, run: Callable[[], LineRun], reference: _Reference) -> Row:
+    """The row of a run, or why there is none."""
+    try:
+        moved = run()
+    except store.Refused as refused:
+        return series.chart_row(settings, status="failed", reason=str(refused))
+    reason = reference.failure_reason(moved)
+    if reason is not None:
+        return series.chart_row(settings, status="failed", reason=reason)
+    work = moved.work
+    results: Row = {"status": "ok", "seconds": moved.seconds, "repeats": 1, "n_dof": moved.n_dof, "steps": work.steps}
+    results |= {"newton_iterations": work.newton_iterations, "factorisations": work.factorisations}
+    results |= {"unknown_steps": work.steps * moved.n_dof, "reached": moved.end}
+    return series.chart_row(settings, **results, **reference.errors(moved))
+
+
+def _quasi_static_row(line: Line, runs: LineRuns, reference: _Reference) -> Row:
+    """The row of the states of rest at the timetables' positions."""
+    series = Series("model quasi-static", "model", (), model="quasi-static")
+    begin = process_time()
+    try:
+        at_rest = line_at_timetable_positions(line)
+    except store.Refused as refused:
+        return series.chart_row({}, status="failed", reason=str(refused))
+    at_rest.solve_at_rest(catenary_line.solve)
+    seconds = process_time() - begin
+    distances = largest_distances_from_rest(line, runs.line, reference.run)
+    path = max(distances[car.name]["path"] for car in reference.run.motion.cars)
+    tension = max(distances[contact.name]["tension"] for contact in reference.run.motion.contacts)
+    errors = {"path_error": path / reference.scales.path, "tension_error": tension / reference.scales.tension}
+    return series.chart_row({"positions": at_rest.position_count}, status="ok", seconds=seconds, repeats=1, **errors)
