@@ -539,8 +539,11 @@ class MotionAnswers(LineAnswers):
         terminal.print_text(
             f"  {line_averaging_time_sentence(self.moved.period)}; path-*.csv and contacts.csv have each time step"
         )
-        settings = ", ".join(f"{value} {name}" for name, value in self.moved.settings.items())
-        terminal.print_text(f"  {self.moved.method}, {settings}; {seconds:.1f} s")
+        settings = self.moved.settings
+        words = [f"{value} {name}" for name, value in settings.items()]
+        if self.moved.method not in settings:
+            words.insert(0, self.moved.method)
+        terminal.print_text(f"  {', '.join(words)}; {seconds:.1f} s")
 
 
 def answer_line(line: Line, *, report: Progress = no_progress) -> MotionAnswers:

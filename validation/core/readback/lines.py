@@ -63,7 +63,8 @@ def _sentences_beside_tables(summary: Row, judged: Sequence[Row]) -> Iterator[st
         yield f"and {len(summary['refused']) - 3} more positions without rest"
     else:
         settings = ", ".join(f"{value} {name}" for name, value in summary["settings"].items())
-        yield f"{summary['method']}, {settings}; {seconds}"
+        method = "" if summary["method"] in summary["settings"] else f"{summary['method']}, "
+        yield f"{method}{settings}; {seconds}"
         means = f"forces are means over an axial round trip of the rope, {summary['round_trip']:.2g} s"
         yield f"{means}; path-*.csv and contacts.csv have each time step"
     if judged:
