@@ -61,6 +61,17 @@ def list_keys(part: type[Part]) -> Iterator[Key]:
     return _table_keys(content, content["$defs"], "")
 
 
+def unit_of_key(part: type[Part], key: str) -> str:
+    """Unit of a key as `--set` takes it, of lists of tables that of the first; "" of a number without one."""
+    table, *rest = key.split(".")
+    of_first_table = ".".join([table, "0", *rest[1:]])
+    of_first_in_table = ".".join([table, *rest[:1], "0", *rest[2:]])
+    for known in list_keys(part):
+        if known.name in (key, of_first_table, of_first_in_table):
+            return "" if known.unit == "-" else known.unit
+    return ""
+
+
 def _table_keys(table: dict[str, Any], definitions: dict[str, Any], prefix: str) -> Iterator[Key]:
     for name, rule in table["properties"].items():
         options = _alternative_rules(rule, definitions)

@@ -17,6 +17,7 @@ from validation.core.flags import make_flag
 from validation.core.quantities import design_row_texts
 from validation.core.refine import TooCoarse, run_with_error_bars
 from validation.core.running import run
+from validation.page.answer import many
 
 pytestmark = pytest.mark.usefixtures("without_animation")
 
@@ -193,7 +194,7 @@ def test_a_grid_of_scenes_is_a_table_and_a_page(cablefem):
     assert float(rows[3]["tension_max"]) > float(rows[1]["tension_max"])
     assert all(row["outcome"] in out for row in rows)
     page = Path("x/report.html").read_text()
-    assert "mass 60, wind -5.0" in page
+    assert "mass 60, wind -5" in page
     assert "1 of 4 got stuck, 2 of 4 stopped in the brake, 1 of 4 arrived." in page
 
 
@@ -231,3 +232,38 @@ def test_a_wrong_value_is_a_line(cablefem, pair):
     assert code == 2
     assert "--set" in fault_lines(err)[0]
     assert not Path("cablefem-out").exists()
+
+
+# --- grids ------------------------------------------------------------------------------------------------------------
+def test_a_grid_says_the_units_of_what_varies_and_its_values_as_given(cablefem):
+    code, out, _ = cablefem("run", "zipline", "--model", "quasi-static", "--set", "cable.EA=12000000,12000001")
+    assert code == 0
+    head, first, second = (re.split("  +", row.strip()) for row in out.splitlines()[:3])
+    assert (head[0], first[0], second[0]) == ("cable.EA [N]", "12000000", "12000001")
+
+
+def test_a_value_in_another_unit_is_remarked_in_set_too(cablefem):
+    code, out, _ = cablefem("run", "zipline", "--model", "quasi-static", "--set", "cable.diameter=20,0.02")
+    assert code == 0
+    assert out.count("cable.diameter = 20 m is that of no rope; were mm meant? (0.02 m)") == 1
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(-1.1e-13, "0"), (17.8, "17.80"), (1234.5, "1234"), (None, "-"), (-0.0012, "-0.001200")]
+)
+def test_a_cell_has_four_digits_and_no_rounding(value, text):
+    assert many.Column("rise [m]").cell_text(value) == text
+
+
+def test_the_side_view_of_a_grid_shows_the_ropes_of_its_scenes(cablefem, monkeypatch):
+    figures = []
+    draw = many.plot.svg_figure
+    monkeypatch.setattr(
+        many.plot, "svg_figure", lambda panels, *a, **k: figures.append((panels, *a)) or draw(panels, *a, **k)
+    )
+    spans = "supports.span=390,400"
+    assert cablefem("run", "zipline", "--model", "quasi-static", "--set", spans, "--set", "mass.mass=60,80")[0] == 0
+    (panel,), x_range, *_ = figures[0]
+    assert x_range == (0.0, 400.0)
+    ends = [curve.x[-1] for curve in panel.curves if curve.name == "empty rope at rest"]
+    assert ends == pytest.approx([390.0, 400.0])

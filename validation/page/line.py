@@ -2,7 +2,7 @@
 
 import csv
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from validation.core import store
 from validation.core.limits import limit_scope_sentences
 from validation.core.quantities import factor_and_prefixed_unit, limit_row_texts
 from validation.page import plot, printing, terminal
-from validation.page.answer.many import LIMITS, Column, Columns, StoredGrid, grid_table
+from validation.page.answer.many import LIMITS, Column, Columns, StoredGrid, grid_table, key_columns
 from validation.page.page import Content, Row, Section, limits_of, read_asset, render_sections, worst_verdict
 from validation.page.plot import Panel, SeriesByName
 from validation.page.scene_keys import line_inputs_html
@@ -77,21 +77,21 @@ def print_line_summary(
         terminal.print_text(f"  {remaining} more in the report")
 
 
-def rest_table_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
+def rest_table_columns(rows: Sequence[Row], keys: Mapping[str, str]) -> Columns:
     """Columns of a table of lines: varied values, design numbers of TABLE_QUANTITIES, what became of each line."""
     names = dict.fromkeys(name for row in rows for name in row if base_quantity(name) in TABLE_QUANTITIES)
     return table_columns_with_outcome(rows, keys, {name: _column_heading(name) for name in names})
 
 
-def table_columns_with_outcome(rows: Sequence[Row], keys: Sequence[str], number_heads: dict[str, str]) -> Columns:
+def table_columns_with_outcome(rows: Sequence[Row], keys: Mapping[str, str], number_heads: dict[str, str]) -> Columns:
     """Columns of a table: varied values, numbers with their heads, and what became of each line if it says more."""
     words = []
     for name in ("outcome", "status", *LIMITS, "verdict", "why"):
         if {row.get(name) for row in rows} - {None, "complete"}:
             words.append(name)
     first = [name for name in words if name == "outcome"]  # numbers of many cars fill the width of a page
-    heads = {name: name for name in (*keys, *first)} | number_heads | {name: name for name in words}
-    return {name: Column(head, spec=".6g") for name, head in heads.items()}
+    heads = {name: name for name in first} | number_heads | {name: name for name in words}
+    return key_columns(keys) | {name: Column(head, spec="#.6g") for name, head in heads.items()}
 
 
 def _column_heading(name: str) -> str:
@@ -238,12 +238,12 @@ def _lowest_rope_point_figure(grid: StoredGrid) -> Markup:
 
 
 def line_grid_sections(
-    folder: Path, table_columns: Callable[[Sequence[Row], Sequence[str]], Columns] = rest_table_columns
+    folder: Path, table_columns: Callable[[Sequence[Row], Mapping[str, str]], Columns] = rest_table_columns
 ) -> list[Section]:
     """The page of a grid of lines in a folder."""
     grid = StoredGrid.read(folder)
     rows = grid.rows
-    html = [grid_table(rows, table_columns(rows, grid.keys), grid.keys[0])]
+    html = [grid_table(rows, table_columns(rows, grid.keys))]
     if any(grid.paths):
         html.append(_lowest_rope_point_figure(grid))
     incomplete = sum(row["status"] != "complete" for row in rows)

@@ -1,7 +1,7 @@
 """A line in motion, on the terminal and on its page."""
 
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +63,7 @@ def _time_and_position_text(number: Row) -> str:
     return f"{number['t']:.4g} s{at}"
 
 
-def motion_table_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
+def motion_table_columns(rows: Sequence[Row], keys: Mapping[str, str]) -> Columns:
     """Columns of a table: varied values, design numbers of TABLE_QUANTITIES, what became of each line."""
     names = dict.fromkeys(name for row in rows for name in row if name.partition(":")[0] in TABLE_QUANTITIES)
     heads = {name: f"{motion_quantity_words(name)} [{motion_unit(name)}]".removesuffix(" []") for name in names}

@@ -147,12 +147,8 @@ def grid_points_from_options(
     out = []
     faults = []
     for values in points:
-        changes, settings = grid.split_scene_and_method_settings(values, ("gravity", "ground", "title"))
-        source = f"--set {', '.join(changes)}"
-        if cases:
-            name = settings.pop("case")
-            source = f"--case {name}"
-            changes = _load_case_changes(name, scene) | changes
+        changes, settings = changes_and_settings(scene, values)
+        source = f"--case {values['case']}" if "case" in values else f"--set {', '.join(changes)}"
         faults += _faults_of_undotted_keys(settings, type(scene))
         try:
             changed = scene.replace(changes) if changes else scene
@@ -161,7 +157,26 @@ def grid_points_from_options(
             faults += _faults_with_source(source, error)
     if faults:
         raise store.Refused(list(dict.fromkeys(faults)))
+    _print_notes_on_changes(scene, [point.scene for point in out])
     return out
+
+
+def changes_and_settings(scene: Scene | Line, values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Changes of the scene, those of a load case among them, and settings of the method at a point of a grid."""
+    from validation.core import grid
+
+    changes, settings = grid.split_scene_and_method_settings(dict(values), ("gravity", "ground", "title"))
+    if "case" in settings:
+        changes = _load_case_changes(settings.pop("case"), scene) | changes
+    return changes, settings
+
+
+def _print_notes_on_changes(scene: Scene | Line, changed: Sequence[Scene | Line]) -> None:
+    """Print the notes on changed scenes that the first one, whose notes are printed when it is read, has not."""
+    notes = dict.fromkeys(note for x in changed for note in x.notes)
+    for note in notes:
+        if note not in scene.notes:
+            terminal.print_text(f"{scene.name}: {note}")
 
 
 def _faults_with_source(source: str, error: Exception) -> list[str]:

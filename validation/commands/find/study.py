@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from cablefem.response import write_json
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.errors import short_text
-from cablefem.scene.keys import list_keys as keys_of
+from cablefem.scene.keys import unit_of_key
 from cablefem.scene.line import Line
 from cablefem.scene.short import load_line_or_none
 from validation.commands.find.condition import (
@@ -318,7 +318,7 @@ class _Search:
         share = self._crossing_share(holds_at, fails_at)
         value = holds_at if math.isnan(share) else holds_at + share * (fails_at - holds_at)
         fails = self._unmet_condition_text(fails_at)
-        return Threshold(value, holds_at, fails_at, fails, unit=unit_of_key(self.scene, self.key))
+        return Threshold(value, holds_at, fails_at, fails, unit=unit_of_key(type(self.scene), self.key))
 
     def _crossing_share(self, holds_at: float, fails_at: float) -> float:
         """Where the first number that fails crosses its limit, over the interval; nan where words decide."""
@@ -391,17 +391,6 @@ class _Search:
         return threshold
 
 
-def unit_of_key(scene: Scene | Line, key: str) -> str:
-    """Unit of a key, of lists of tables that of the first; "" of a number without one."""
-    table, *rest = key.split(".")
-    of_first_table = ".".join([table, "0", *rest[1:]])
-    of_first_in_table = ".".join([table, *rest[:1], "0", *rest[2:]])
-    for known in keys_of(type(scene)):
-        if known.name in (key, of_first_table, of_first_in_table):
-            return "" if known.unit == "-" else known.unit
-    return ""
-
-
 def _deciding_margin(where_it_holds: Sequence[float], where_it_fails: Sequence[float]) -> tuple[int, bool]:
     """Index of the margin that decides a change, and whether it is a number on both sides; else words decide."""
     for i, (held, failed) in enumerate(zip(where_it_holds, where_it_fails, strict=False)):
@@ -466,7 +455,7 @@ def find_curve(
     """Find for each value of another key, by the least model; `how` as in `find`."""
     rows: list[Row] = []
     (key,) = keys
-    units = (unit_of_key(scene, other_key), unit_of_key(scene, key))
+    units = (unit_of_key(type(scene), other_key), unit_of_key(type(scene), key))
     for value in values:
         try:
             result = find(scene.replace({other_key: value}), keys, check=False, **how)

@@ -3,7 +3,7 @@
 import csv
 import json
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from cablefem.response import Response, atomic_write, write_json, write_text
+from cablefem.response import Array, Response, atomic_write, write_json, write_text
 from cablefem.scene import Scene
 from validation.core import limits, store
 from validation.core.answers import crosswind_load_factor, outcome_of_run
 from validation.core.quantities import factor_and_prefixed_unit, quantity_words
 from validation.core.sidebyside import map_in_parallel
 from validation.page import plot, report, terminal
-from validation.page.options import GridPoint
+from validation.page.options import GridPoint, changes_and_settings
 from validation.page.page import Row, Section, details, gallery, html_table, read_asset, versions_footer
 from validation.page.plot import Panel
 from validation.page.scene_keys import scene_keys_table
@@ -40,7 +40,7 @@ class Column:
 
     head: str
     factor: float = 1.0
-    spec: str = ".4g"
+    spec: str = "#.4g"
 
     def cell_text(self, value: Any) -> str:
         """Text of a value; a dash for a missing one."""
@@ -48,7 +48,9 @@ class Column:
             return "-"
         if isinstance(value, bool | str | list):
             return str(value)
-        return format(self.factor * value, self.spec)
+        if abs(value) < 1e-9:  # rounding
+            return "0"
+        return format(self.factor * value, self.spec).rstrip(".")
 
 
 Columns = dict[str, Column]  # by the key of their values
@@ -58,7 +60,7 @@ AnswerPoint = Callable[[GridPoint], tuple[Row, Any]]  # row of the table, and pa
 class StoredGrid(NamedTuple):
     """What grid.json holds."""
 
-    keys: list[str]  # varied, in the order of the options
+    keys: dict[str, str]  # varied, in the order of the options, and what heads their columns
     rows: list[Row]  # one per point
     paths: list[Any]  # one per point, None where there is none
 
@@ -69,7 +71,8 @@ class StoredGrid(NamedTuple):
 
     def label_of_point(self, row: Row) -> str:
         """Its varied values."""
-        return ", ".join(f"{key.split('.')[-1]} {row[key]}" for key in self.keys)
+        columns = key_columns(self.keys)
+        return ", ".join(f"{key.split('.')[-1]} {column.cell_text(row[key])}" for key, column in columns.items())
 
 
 def answer_table_row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
@@ -111,13 +114,13 @@ def sparse_path_columns(r: Response) -> dict[str, list[float]]:
 
 def answer_and_store_grid(
     command: str, subfolder: str, scene: Any, points: Sequence[GridPoint], out: Path | None, answer_point: AnswerPoint,
-    table_columns: Callable[[list[Row], list[str]], Columns],
+    table_columns: Callable[[list[Row], dict[str, str]], Columns],
 ) -> list[Row]:  # fmt: skip
     """Answer every point of a grid by a row and its path; store, draw, print and return the rows.
 
     Writes table.csv, grid.json and scene.toml to `subfolder` of the command's results.
     """
-    keys = list(points[0].values)
+    keys = {key: _key_with_unit(type(scene), key) for key in points[0].values}
     folder = store.claim_and_clear_folder(out, command, scene, [subfolder])
     answers = _answer_in_parallel(points, answer_point)
     rows = []
@@ -133,6 +136,18 @@ def answer_and_store_grid(
     _print_grid_table(rows, table_columns(rows, keys))
     terminal.print_text(f"  written to {folder}: report.html, {subfolder}/table.csv")
     return rows
+
+
+def _key_with_unit(scene_type: type[Any], key: str) -> str:
+    from cablefem.scene.keys import unit_of_key  # slow to import
+
+    unit = unit_of_key(scene_type, key)
+    return f"{key} [{unit}]" if unit else key
+
+
+def key_columns(keys: Mapping[str, str]) -> Columns:
+    """The columns of varied values, as they were given."""
+    return {key: Column(head, spec=".10g") for key, head in keys.items()}
 
 
 def _answer_in_parallel(points: Sequence[GridPoint], answer_point: AnswerPoint) -> list[tuple[Row, Any]]:
@@ -170,9 +185,9 @@ def _print_grid_table(rows: list[Row], columns: Columns) -> None:
     terminal.print_table(heads, cells, right=list(numeric))
 
 
-def run_table_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
+def run_table_columns(rows: list[Row], keys: Mapping[str, str]) -> Columns:
     """Columns of a table of runs: varied values, outcomes, common numbers, verdicts."""
-    out = {key: Column(key) for key in keys}
+    out = key_columns(keys)
     for name in ("outcome", "brake_or_arrival_km_h", *POSITIONS, *NUMBERS, "crosswind_load", *LIMITS, "verdict"):
         values = [x[name] for x in rows if x.get(name) is not None]
         if not values:
@@ -187,8 +202,9 @@ def run_table_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
     return out
 
 
-def grid_table(rows: list[Row], columns: Columns, heading_on_phone: str) -> Markup:
-    """A grid's table; on a phone a block begins with `heading_on_phone` and its value."""
+def grid_table(rows: list[Row], columns: Columns) -> Markup:
+    """A grid's table; on a phone a block begins with the first column's head and value."""
+    heading_on_phone = next(iter(columns.values())).head
     label = Markup('<span class="phone">{} </span>{}')
     blocks = []
     for row in rows:
@@ -204,8 +220,12 @@ def run_grid_sections(folder: Path) -> list[Section]:
     rows = grid.rows
     keys = grid.keys
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
-    html = [grid_table(rows, run_table_columns(rows, keys), keys[0])]
-    html.append(gallery(_side_view_figure(scene, grid), _speed_over_position_figure(grid)))
+    html = [grid_table(rows, run_table_columns(rows, keys))]
+    scenes = []
+    for row in rows:
+        changes, _ = changes_and_settings(scene, {key: row[key] for key in keys})
+        scenes.append(scene.replace(changes))
+    html.append(gallery(_side_view_figure(scenes, grid), _speed_over_position_figure(grid)))
     html.append(details("What is the same in all of them", scene_keys_table(scene.to_toml(), without=keys)))
     html.append(versions_footer())
     kinds = [x["outcome_kind"] for x in rows]
@@ -238,19 +258,25 @@ def _add_path_curves(panel: Panel, grid: StoredGrid, x_column: str, y_column: st
             panel.add_curve(x, y, *look, 1.6, grid.label_of_point(row))
 
 
-def _side_view_figure(scene: Scene, grid: StoredGrid) -> Markup:
-    """The empty rope, the paths, ground and obstacles from the side."""
-    span = scene.supports.span
-    below = 0.0 if scene.mass is None else scene.mass.below
-    s = np.linspace(0.0, scene.length, 101)
-    x = scene.catenary.x(s)
-    y = scene.catenary.y(s)
-    ground = np.array(scene.ground).reshape(-1, 2)
-    obstacles = [(o.name, o.at, o.top) for o in scene.obstacle]
-    lowest_of_cars = [np.array(path["y"]) + below for path in grid.paths if path]
-    p, caption = plot.side_view_panel([y, *lowest_of_cars], span, ground, obstacles, pad=0.05)
+def _side_view_figure(scenes: Sequence[Scene], grid: StoredGrid) -> Markup:
+    """Empty ropes, paths, ground and obstacles of the scenes of all rows from the side."""
+    span = max(scene.supports.span for scene in scenes)
+    empty_ropes: dict[tuple[float, ...], Array] = {}  # (2, n) by rounded depths: most grids have one
+    lowest_of_cars = []
+    for scene, path in zip(scenes, grid.paths, strict=True):
+        s = np.linspace(0.0, scene.length, 101)
+        rope = np.stack([scene.catenary.x(s), scene.catenary.y(s)])
+        empty_ropes.setdefault(tuple(rope.ravel().round(3).tolist()), rope)
+        if path:
+            lowest_of_cars.append(np.array(path["y"]) + (scene.mass.below if scene.mass else 0.0))
+    ground = np.array(scenes[0].ground).reshape(-1, 2)
+    obstacles = dict.fromkeys((o.name, o.at, o.top) for scene in scenes for o in scene.obstacle)
+    ropes = list(empty_ropes.values())
+    depths = [*(y for _, y in ropes), *lowest_of_cars]
+    p, caption = plot.side_view_panel(depths, span, ground, list(obstacles), pad=0.05)
     p.title = "path of the car"
-    p.add_curve(x, y, plot.GREY, plot.DOTTED, 1.2, "empty rope at rest")
+    for x, y in ropes:
+        p.add_curve(x, y, plot.GREY, plot.DOTTED, 1.2, "empty rope at rest")
     _add_path_curves(p, grid, "x", "y")
     return plot.svg_figure([p], (0.0, span), "x [m]", caption)
 
