@@ -1,12 +1,15 @@
 """What scenes and lines share: a name, surroundings, and their files."""
 
+import html
+import itertools
 import re
 import tomllib
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
+import numpy as np
 import tomli_w
 
 from cablefem.scene.errors import SceneError, did_you_mean, short_text
@@ -76,6 +79,16 @@ class Described(Part):
     gravity: Positive = described_field("[m/s2] g", 9.81)
     limits: Limits | None = described_field("[-] what the answer is held against", None)
 
+    @property
+    def _headline(self) -> str:
+        return f"{self.name}: {self.title}" if self.title else self.name
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self}>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>"
+
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:
         """A built-in one or that of a TOML file; SceneError with all faults, TypeError for what is no text or path."""
@@ -105,11 +118,11 @@ class Described(Part):
     def replace(self, changes: Mapping[str, Any]) -> Self:
         """The same with other values of some dotted keys; SceneError with all faults.
 
-        A new length, sag or horizontal tension replaces the old one. A CSV of the ground is one of the working folder.
+        A new length, sag or tension of the rope replaces the old one. A CSV of the ground is one of the working folder.
         scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 600.0, "obstacle.tree.top": 21.0})
         line.replace({"contact.valley.tension": 4e5})
         """
-        if not isinstance(changes, Mapping):
+        if not isinstance(changes, Mapping) or not all(isinstance(key, str) for key in changes):
             raise TypeError(f"changes must be a mapping of dotted keys to values, got {changes!r}")
         data = self._toml_tables(changes)
         cable = data["cable"]
@@ -120,6 +133,13 @@ class Described(Part):
             set_dotted_key(data, key, value)
         read_ground_file_of(data, Path())
         return type(self)(**data)
+
+    def variants(self, grid: Mapping[str, Iterable[Any]]) -> list[Self]:
+        """The same for all combinations of values of dotted keys; the last key changes fastest."""
+        lists = grid.values() if isinstance(grid, Mapping) else [None]
+        if any(isinstance(x, str | Mapping) or not np.iterable(x) for x in lists):
+            raise TypeError(f"grid must map each dotted key to a list of values, got {grid!r}")
+        return [self.replace(dict(zip(grid, values, strict=True))) for values in itertools.product(*lists)]
 
 
 def set_dotted_key(data: dict[str, Any], key: str, value: Any) -> None:

@@ -116,7 +116,6 @@ class Part(BaseModel):
     not_modelled: ClassVar[dict[str, str]] = NOT_MODELLED  # keys that people try
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, serialize_by_alias=True, validate_default=True, allow_inf_nan=False,
-        regex_engine="python-re",
     )  # fmt: skip
 
     def __init__(self, **data: Any) -> None:

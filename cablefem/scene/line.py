@@ -125,6 +125,18 @@ class Car(Part):
         return self.at or ()
 
     @property
+    def motion_or_position_text(self) -> str:
+        """What moves it, or where it is at rest, in words."""
+        if self.moves:
+            return "rolls freely" if self.travel is None else f"{self.mode}, {self.travel.kind}"
+        positions = self.x_at_rest
+        if not positions:
+            return "at rest where each number is extreme"
+        if len(positions) == 1:
+            return f"at rest at x = {positions[0]:.6g} m"
+        return f"at rest at {len(positions)} positions, x = {min(positions):.6g} to {max(positions):.6g} m"
+
+    @property
     def mode(self) -> DriveMode:
         return "grip" if self.drive is None else self.drive.mode
 
@@ -347,6 +359,22 @@ class Line(Described):
         """Remarks on values probably mistaken."""
         return self.cable.notes
 
+    def __str__(self) -> str:
+        rope = self.cable
+        length = "" if rope.length is None else f", {rope.length:.6g} m unstretched"
+        tension = "" if rope.tension is None else f", empty {rope.tension.value:.4g} N at {rope.tension.at}"
+        lines = [
+            self._headline,
+            f"  cable         {rope.mass_per_length:.4g} kg/m, EA = {rope.EA:.4g} N{length}{tension}",
+        ]
+        for contact in self.contact:
+            x, y = contact.at
+            pulls = "" if contact.tension is None else f", {contact.tension:.4g} N"
+            lines.append(f"  {contact.kind:<13} {contact.name} at x = {x:.6g} m, depth {y:.6g} m{pulls}")
+        for car in self.car:
+            lines.append(f"  car           {car.name}, {car.mass:.5g} kg, {car.motion_or_position_text}")
+        return "\n".join(lines)
+
     @property
     def position_count(self) -> int:
         """Number of positions of the cars."""
@@ -357,6 +385,9 @@ class Line(Described):
         for table, car in zip(data.get("car", ()), self.car, strict=True):
             if car.travel is not None:
                 table["travel"]["kind"] = car.travel.kind
+        for new, old in (("length", "tension"), ("tension", "length")):
+            if f"cable.{new}" in replaced_keys:
+                data["cable"].pop(old, None)
         return data
 
     @property

@@ -1,7 +1,5 @@
 """What is simulated: cable, supports, mass and travel in SI; symbols: README.md."""
 
-import html
-import itertools
 import math
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -166,13 +164,6 @@ class Scene(Described):
             data["travel"] = {"kind": travel, PACES.get(travel, "speed"): 1.0}
         cable = Cable(mass_per_length=rho, EA=LARGE, sag=sag_ratio * span)
         return cls(name=name, gravity=gravity, cable=cable, **data).variant(mu=mu, alpha=alpha, speed_ratio=speed_ratio)
-
-    def variants(self, grid: Mapping[str, Sequence[Any]]) -> list[Self]:
-        """Scenes for all combinations of values of dotted keys; the last key changes fastest."""
-        lists = grid.values() if isinstance(grid, Mapping) else [grid]
-        if any(isinstance(x, str | float | int) for x in lists):
-            raise TypeError(f"grid must map each dotted key to a list of values, got {grid!r}")
-        return [self.replace(dict(zip(grid, values, strict=True))) for values in itertools.product(*grid.values())]
 
     def variant(
         self, *, sag_ratio: float | None = None, mu: float | None = None, alpha: float | None = None,
@@ -402,7 +393,7 @@ class Scene(Described):
 
     def __str__(self) -> str:
         lines = [
-            f"{self.name}: {self.title}" if self.title else self.name,
+            self._headline,
             f"  cable   l = {self.length:.6g} m, sag {self.sag:.4g} m ({self.sag_ratio:.3g} of the span), "
             f"H = {self.horizontal_tension:.4g} N, rho = {self.rho:.4g} kg/m, EA = {self.cable.EA:.4g} N",
             f"  chord   span {self.supports.span:.6g} m, drop {self.supports.drop:.4g} m, slope {self.slope:.3g} deg",
@@ -418,12 +409,6 @@ class Scene(Described):
             lines += [f"  mass    {self.mass.mass:.5g} kg, {how}, {pace}{by}", f"  drive   {self.drive}"]
             groups = f"mu = {self.mu:.4g}, {groups}, V/c = {self.speed_ratio:.3g}"
         return "\n".join([*lines, f"  groups  {groups}"])
-
-    def __repr__(self) -> str:
-        return f"<Scene {self}>"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def _mass_or_travel_faults(mode: DriveMode, present: list[str]) -> list[str]:
