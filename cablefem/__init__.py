@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from cablefem.response import Response
     from cablefem.scene import Scene, SceneError
     from cablefem.scene.line import Line
-    from validation import assert_agree, check, find, quasi_static, sweep
+    from validation import assert_agree, check, find, sweep
+    from validation import quasi_static_with_bars as quasi_static
     from validation import run_with_bars as run
 
 __all__ = [
@@ -39,6 +40,8 @@ _HOME = {
     "SceneError": "cablefem.scene",
 }  # fmt: skip
 
+_NAMED_OTHERWISE = {"run": "run_with_bars", "quasi_static": "quasi_static_with_bars"}  # in `validation`
+
 
 def __getattr__(name: str) -> Any:
     """Load a public name on first use."""
@@ -46,7 +49,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name in _HOME:
         return getattr(importlib.import_module(_HOME[name]), name)
-    found = getattr(importlib.import_module("validation"), "run_with_bars" if name == "run" else name)
+    found = getattr(importlib.import_module("validation"), _NAMED_OTHERWISE.get(name, name))
     found.__name__ = found.__qualname__ = name  # for help()
     return found
 

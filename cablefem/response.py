@@ -159,7 +159,7 @@ def _empty_list(r: Response) -> list[Any]:
     return []
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MassPath:
     """How the mass moved, SI, arrays (n,); y and v down."""
 
@@ -212,7 +212,7 @@ class MassPath:
         return "a tenth of the length" if self.drive == "free" else "the largest deflection"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Response(MassPath):
     """The answer of one run, in SI; arrays (n,), but velocity .. slope_ahead, reactions and contact (n, 2).
 
@@ -402,9 +402,9 @@ class Response(MassPath):
         write_json(folder / "summary.json", self.summary())
 
     @classmethod
-    def read(cls, folder: Path) -> Response:
+    def read(cls, folder: Path | str) -> Response:
         """Read back what `write` wrote."""
-        with np.load(folder / "response.npz", allow_pickle=False) as data:
+        with np.load(Path(folder) / "response.npz", allow_pickle=False) as data:
             fields = Fields(**{n: data[f"fields.{n}"] for n in _FIELDS})
             powers = {n.removeprefix("powers."): data[n] for n in data.files if n.startswith("powers.")}
             rest = json.loads(str(data["_rest"]))

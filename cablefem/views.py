@@ -19,10 +19,8 @@ GREY = "#999"
 
 def sample_fields(r: Response, t: Any, s: Any) -> dict[str, Array]:
     """`Response.at`: between frames displacements are cubic by their velocities, tensions linear."""
-    t = np.atleast_1d(np.asarray(t, dtype=float))
-    s = np.atleast_1d(np.asarray(s, dtype=float))
-    _raise_if_outside("t", t, r.t[0], r.t[-1])
-    _raise_if_outside("s", s, 0.0, r.length)
+    t = _numbers_within("t", t, float(r.t[0]), float(r.t[-1]), "s")
+    s = _numbers_within("s", s, 0.0, r.length, "m")
     f = r.fields
     out = {name: np.empty((t.size, s.size)) for name in ("x", "y", "u", "v", "T")}
     u = np.interp(t, r.t, r.u)
@@ -44,11 +42,20 @@ def sample_fields(r: Response, t: Any, s: Any) -> dict[str, Array]:
     return out
 
 
-def _raise_if_outside(name: str, values: Array, low: float, high: float) -> None:
-    """ValueError unless all values are from low to high, up to rounding."""
+def _numbers_within(name: str, values: Any, low: float, high: float, unit: str) -> Array:
+    """One number, or a list of them, as (n,); ValueError unless all are from low to high, up to rounding."""
+    must = f"{name} must be a number from {low:.6g} to {high:.6g} {unit}, or a list of such"
+    try:
+        numbers = np.atleast_1d(np.asarray(values, dtype=float))
+    except (TypeError, ValueError):
+        raise ValueError(f"{must}; got {values!r}") from None
+    if numbers.ndim > 1:
+        raise ValueError(f"{must}; got an array of shape {numbers.shape}")
     largest = high * (1.0 + 1e-12)
-    if not (np.isfinite(values).all() and values.min() >= low and values.max() <= largest):
-        raise ValueError(f"{name}: must be from {low:.6g} to {high:.6g}, got {values.tolist()}")
+    outside = numbers[~((numbers >= low) & (numbers <= largest))]
+    if outside.size:
+        raise ValueError(f"{must}; got {outside[0]!s}")
+    return numbers
 
 
 def _tensions_at_mass(r: Response) -> tuple[Array, Array]:

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar, cast
 if TYPE_CHECKING:
     from validation.commands.check.study import check, check_solver
     from validation.commands.find.study import find
+    from validation.commands.run.study import quasi_static_with_bars as _quasi_static_with_bars
     from validation.commands.run.study import run_with_bars as _run_with_bars
     from validation.commands.sweep.engine import sweep as _sweep
     from validation.core.assertions import assert_agree
     from validation.core.foreign import ForeignPath
-    from validation.core.quasi_static import quasi_static as _quasi_static
     from validation.core.running import run as _run
 
 _HOME = {
@@ -26,7 +26,7 @@ _HOME = {
     "run_with_bars": "commands.run.study",
     "find": "commands.find.study",
     "sweep": "commands.sweep.engine",
-    "quasi_static": "core.quasi_static",
+    "quasi_static_with_bars": "commands.run.study",
     "assert_agree": "core.assertions",
     "check_solver": "commands.check.study",
     "advice": "commands.advise.study",
@@ -39,7 +39,7 @@ __all__ = [
     "check",
     "check_solver",
     "find",
-    "quasi_static",
+    "quasi_static_with_bars",
     "run",
     "run_with_bars",
     "sweep",
@@ -50,7 +50,7 @@ __all__ = [
 _LINE = {
     "run_with_bars": ("commands.run.{}", "answer_line"),
     "check": ("commands.check.{}", "check_line"),
-    "quasi_static": ("commands.run.quasi", "answer_line_quasi_statically"),
+    "quasi_static_with_bars": ("commands.run.quasi", "answer_line_quasi_statically"),
 }
 
 
@@ -88,36 +88,50 @@ def accepting_scene_names(function: Callable[Concatenate[Any, P], Result]) -> Ca
             kind = Scene if first == "scene" else _import_from_validation("commands.sweep.study", "Study")
             of = (function.__name__ in _LINE and load_line_or_none(of)) or kind.load(of)
         if isinstance(of, Line):
-            return cast(Result, _line_counterpart(function.__name__, of, args, kwargs)(of, *args, **kwargs))
+            return cast(Result, _line_counterpart(function, of, args, kwargs)(of, *args, **kwargs))
         if first == "scene" and not isinstance(of, Scene):
             raise TypeError(f"scene must be a Scene, its name or its file, got {of!r}")
+        _refuse_second_of_other_kind(of, kwargs.get("second"))
         return function(of, *args, **kwargs)
 
     return with_name
 
 
 def _line_counterpart(
-    function_name: str, line: Any, args: tuple[Any, ...], kwargs: dict[str, Any]
+    function: Callable[..., Any], line: Any, args: tuple[Any, ...], kwargs: dict[str, Any]
 ) -> Callable[..., Any]:
     """What computes a line in place of this function; its arguments must fit."""
     from cablefem.scene import SceneError
     from cablefem.scene.described import OF_ONE_SPAN
 
-    if function_name not in _LINE:
+    if function.__name__ not in _LINE:
         raise SceneError([OF_ONE_SPAN])
-    home, of_line = _LINE[function_name]
+    home, of_line = _LINE[function.__name__]
     solve: Callable[..., Any] = _import_from_validation(home.format("motion" if line.moves else "line"), of_line)
-    taken = inspect.signature(solve)
+    documented = inspect.signature(function).parameters
+    own = inspect.signature(solve)
+    taken = [x for x in own.parameters.values() if x.name == "line" or x.name in documented]
     try:
-        taken.bind(line, *args, **kwargs)
+        bound = own.replace(parameters=taken).bind(line, *args, **kwargs)
     except TypeError as error:
-        more = " or ".join(list(taken.parameters)[1:]) or "nothing else"
-        raise TypeError(f"a line takes no method and no settings, only {more}: {error}") from None
+        names = ", ".join(x.name for x in taken[1:])
+        only = f", only {names}" if names else ""
+        raise TypeError(f"a line takes no method and no settings{only}: {error}") from None
+    _refuse_second_of_other_kind(line, bound.arguments.get("second"))
     return solve
 
 
+def _refuse_second_of_other_kind(first: Any, second: Any) -> None:
+    """Raise TypeError unless the second solver's scene or line, if there is one, is of the kind of the first one's."""
+    kind = type(first)
+    if second is not None and not isinstance(second, kind):
+        raise TypeError(f"second must be a {kind.__name__}, as the first; got {second!r}")
+    if second is not None and getattr(second, "moves", None) != getattr(first, "moves", None):
+        raise TypeError("second must be at rest or in motion as the first")
+
+
 if TYPE_CHECKING:
-    quasi_static = accepting_scene_names(_quasi_static)
+    quasi_static_with_bars = accepting_scene_names(_quasi_static_with_bars)
     run = accepting_scene_names(_run)
     run_with_bars = accepting_scene_names(_run_with_bars)
     sweep = accepting_scene_names(_sweep)

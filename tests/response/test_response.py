@@ -5,6 +5,7 @@ import dataclasses
 import gc
 import json
 import pickle
+import tracemalloc
 import weakref
 
 import numpy as np
@@ -78,7 +79,7 @@ def test_what_is_written_reads_back(level_response, tmp_path):
     )  # fmt: skip
     level_response.write(tmp_path)
     assert json.loads((tmp_path / "summary.json").read_text())["flags"] == ["gains 0.40"]
-    again = Response.read(tmp_path)
+    again = Response.read(str(tmp_path))
     assert is_same(level_response.fields.T, again.fields.T)
     names = {field.name for field in dataclasses.fields(Response)} - {"fields"}
     assert [name for name in names if not is_same(getattr(level_response, name), getattr(again, name))] == []
@@ -211,7 +212,7 @@ def test_any_instant_and_place(level_response):
     ].item()
     assert ahead == pytest.approx(level_response.T_ahead[60], rel=1e-4)
     for wrong in ({"t": -1.0, "s": 3.0}, {"t": 1.0, "s": 1.1 * level_response.length}, {"t": float("nan"), "s": 1.0}):
-        with pytest.raises(ValueError, match="must be from"):
+        with pytest.raises(ValueError, match="must be a number from"):
             level_response.at(**wrong)
 
 
@@ -251,3 +252,30 @@ def test_contact_force_is_taken_normal_to_the_mean_tangent(level_response):
     assert np.abs(along.F_contact).max() <= 1e-15 * np.abs(tangent).max() ** 2
     down = dataclasses.replace(level_response, contact=np.broadcast_to([0.0, 3.0], tangent.shape))
     np.testing.assert_allclose(down.F_contact, 3.0 * tangent[:, 0] / np.hypot(*tangent.T), rtol=1e-14)
+
+
+def test_what_is_asked_at_no_instant_or_place_is_refused_in_a_sentence(level_response):
+    for t, s in (("a", 1.0), (None, 1.0), ([[1.0, 2.0]], 1.0), (1.0, np.arange(5000.0)), (-1.0, 2.0)):
+        with pytest.raises(ValueError, match=r"^[ts] must be a number from 0 to .* m?s?, or a list.*; got .{1,40}$"):
+            level_response.at(t=t, s=s)
+    assert level_response.at(t=[], s=[1.0, 2.0])["T"].shape == (0, 2)
+
+
+def test_a_response_is_itself_and_may_be_a_key(level_response):
+    other = cf.run("level", elements=4, steps=100)
+    assert other != level_response
+    assert {level_response: "a", other: "b"}[other] == "b"
+
+
+def test_a_response_keeps_nothing_of_the_coarser_runs_of_its_bars():
+    scene = Scene.load("level")
+    assert cf.run(scene, elements=4, steps=200).design  # compiled
+    tracemalloc.start()
+    try:
+        r = cf.run(scene, elements=4, steps=200)
+        assert r.design
+        gc.collect()
+        stored = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    assert stored < 1.3 * len(pickle.dumps(r))

@@ -42,7 +42,7 @@ _COLUMNS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ForeignPath(MassPath):
     """A third party's mass path in SI; None where it says nothing."""
 

@@ -24,6 +24,9 @@ from validation.core.sidebyside import no_progress
 from validation.page.answer import many as table
 from validation.page.options import GridPoint
 
+Fields = dict[str, Any]  # values of a response, by name
+_ERRORS = ("path_error", "tension_error", "error_parts", "error_window")
+
 
 class AnsweredRun(NamedTuple):
     """A run with its design numbers, and why the tolerance is out of reach, else ""."""
@@ -67,16 +70,34 @@ def _with_lazy_design_numbers(
     """The response with its design numbers; with bars, coarser runs are made when one is looked at."""
     if not bars:
         return r.with_lazy_fields(design=design_numbers)
-    ladder = LazyValue(lambda: run_with_error_bars(scene, method, earlier_runs=[r], **options))
 
-    def of_finest(name: str) -> Callable[[Response], Any]:
-        return lambda _: getattr(ladder().finest, name)
+    def numbers_by_coarser_runs() -> Fields:
+        ladder = run_with_error_bars(scene, method, earlier_runs=[r], **options)
+        numbers = {name: getattr(ladder.finest, name) for name in ("flags", *_ERRORS)}
+        return numbers | {"design": design_numbers(ladder), "events": events_with_bars(ladder)}
 
-    names = ("path_error", "tension_error", "error_parts", "error_window", "flags")
-    fields = {name: of_finest(name) for name in names}
-    fields["design"] = lambda _: design_numbers(ladder())
-    fields["events"] = lambda _: events_with_bars(ladder())
-    return r.with_lazy_fields(**fields)
+    return _with_fields_computed_together(r, ("flags", *_ERRORS, "design", "events"), numbers_by_coarser_runs)
+
+
+def _with_fields_computed_together(r: Response, names: Sequence[str], compute: Callable[[], Fields]) -> Response:
+    """The response with these fields from one computation, made when one is looked at; only they are kept of it."""
+    values = LazyValue(compute)
+    return r.with_lazy_fields(**{name: lambda _, name=name: values()[name] for name in names})
+
+
+def quasi_static_with_bars(scene: Scene) -> Response:
+    """The quasi-static ride; SceneError if its cable at rest is not found, ValueError without a car.
+
+    Path and events are there at once; design numbers, with bars, are computed when they are looked at.
+    A line in motion gives states of rest along its timetables.
+    quasi_static("zipline").events
+    """
+
+    def checked_numbers() -> Fields:
+        checked = rechecked_quasi_static_run(scene)
+        return {"design": checked.design, "flags": checked.flags}
+
+    return _with_fields_computed_together(quasi_static(scene), ("design", "flags"), checked_numbers)
 
 
 def rechecked_quasi_static_run(scene: Scene) -> Response:
@@ -121,9 +142,11 @@ def run_faults(
 ) -> list[str]:  # fmt: skip
     """Sentences: why a method cannot run a scene with a model, load and law (`options`), settings and tolerance."""
     faults = [
-        f"{name} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[name])}"
-        for name, given in options.items() if given not in CHOICES[name] or given == QUASI_STATIC
+        f"{name} = {short_text(given)}: unknown.{did_you_mean(str(given), CHOICES[name])}"
+        for name, given in options.items() if given not in CHOICES[name]
     ]  # fmt: skip
+    if options["model"] == QUASI_STATIC:
+        faults.append(f"model = {QUASI_STATIC!r}: no method has it; cf.quasi_static computes it")
     if tol is not None:
         faults += range_faults("tol", tol, TOL_LOW, TOL_HIGH)
         if method.wrong:
