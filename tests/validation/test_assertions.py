@@ -169,3 +169,13 @@ def test_what_is_no_solver_and_what_is_no_answer_is_told_so(fine_run):
         check_solver(LEVEL, "following-p2")
     with pytest.raises(TypeError, match=r"takes two answers, of cf\.run or cf\.quasi_static; got function"):
         validation.assert_agree(stored_opensees_path, fine_run)
+
+
+def test_gaps_and_windows_that_are_none_are_refused(fine_run, coarse_run):
+    for name, wrong in (
+        ("path", True), ("path", "a"), ("path", -1.0), ("tension", 2.0),
+        ("window", (0.5, 0.2)), ("window", 3), ("window", "ab"), ("window", (0.2, float("nan"))),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=f"{name} must "):
+            validation.assert_agree(fine_run, coarse_run, **{"path": 0.1, name: wrong})
+    assert validation.assert_agree(fine_run, coarse_run, path=0.1, window=np.array([0.1, 0.5]))

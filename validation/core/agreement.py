@@ -131,7 +131,7 @@ def worst_deciding_verdict(rows: list[Agreement]) -> Verdict:
 
 def range_faults(name: str, value: object, low: float, high: float) -> list[str]:
     """What is wrong with a value that must be a number in [low, high]."""
-    if isinstance(value, Real) and low <= float(value) <= high:
+    if isinstance(value, Real) and not isinstance(value, bool) and low <= float(value) <= high:
         return []
     return [f"{name} must lie in [{low:g}, {high:g}], got {value!r}"]
 

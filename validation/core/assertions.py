@@ -1,13 +1,13 @@
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
 from validation.core import foreign, measures
-from validation.core.agreement import Agreement, Bound, BoundPart, Verdict
+from validation.core.agreement import Agreement, Bound, BoundPart, Verdict, refuse_out_of_range
 from validation.core.foreign import ForeignPath
 from validation.core.measures import NotComparable, Window
 from validation.core.motion_laws import tension_behind_or_ahead
@@ -48,10 +48,15 @@ def assert_agree(
     tension : rms gap of the tension fields, or at the mass, over H; of a line the largest gap of means over an axial
         round trip at cars and contacts, over the largest tension at the start.
     window : s_o/l, by default that of the drive; cut at slack and where an answer ends. Of a line: times [s].
+    ValueError for gaps that are no numbers from 0 to 1, and for a window that is no two rising numbers.
     assert_agree(run("level"), run("level", "fourier-kink"), path=3e-3)
     """
     __tracebackhide__ = True  # pytest shows the caller's line
     names = names_of_both_methods(a, b)
+    refuse_out_of_range("path", path, 0.0, 1.0)
+    if tension is not None:
+        refuse_out_of_range("tension", tension, 0.0, 1.0)
+    window = None if window is None else _two_rising_numbers(window)
     try:
         rows = _compare_answers(a, b, AllowedGaps(path, tension), window)
     except NotComparable as reason:
@@ -59,6 +64,17 @@ def assert_agree(
     if any(row.verdict is not Verdict.AGREE for row in rows):
         raise AssertionError(failure_text(f"{names} disagree", rows))
     return rows
+
+
+def _two_rising_numbers(window: Any) -> Window:
+    """The window; ValueError for what is no two rising numbers."""
+    try:
+        start, end = map(float, window)
+    except (TypeError, ValueError):
+        start = end = math.nan
+    if not start < end:
+        raise ValueError(f"window must be two numbers, the second one larger, got {window!r}")
+    return start, end
 
 
 def names_of_both_methods(a: Answer, b: Answer) -> str:

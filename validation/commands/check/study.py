@@ -149,7 +149,7 @@ def check(
     second : another scene for the second method, which plants a fault; the judge knows `scene` alone.
     deep : compare what both share with third parties, too.
     progress : called with a label and the fraction done.
-    until : largest s_o/l of both runs, once slack no further; default: the end.
+    until : s_o/l at which both runs may end, once slack; not before the end of what is compared; default: the end.
     ask : "path": path, position and speed of the car decide, all else is shown; "all".
     A line takes tol, tol_tension and second alone, at rest tol in m; its answers have `verdict`, `rows` and `design`.
     check("zipline", tol=5e-3).verdict
@@ -159,9 +159,13 @@ def check(
         refuse_out_of_range("tol_tension", tol_tension, 1e-6, 1.0)
     if ask not in DECIDING_QUANTITIES:
         raise ValueError(f"ask = {short_text(ask)}: unknown.{did_you_mean(str(ask), DECIDING_QUANTITIES)}")
-    if isinstance(methods, str) or len(methods) != 2:
+    if not isinstance(methods, tuple | list) or len(methods) != 2:
         raise ValueError(f"methods = {short_text(methods)}: must be two, one of each wing")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+    if scene.mass is None:
+        raise ValueError(f"scene {scene.name!r} has no car: there is nothing to compare")
+    if until is not None:
+        refuse_out_of_range("until", until, View.of_scene(scene).last_needed_position or 1.0, 1.0)
     tolerance = partial(tolerance_of_kind, tol=tol, tol_tension=tol_tension)
     sides = _methods_with_tolerance_shares((scene, second or scene), methods, tol, until)
     (first, other), rows = _refine_and_compare(scene, sides, tolerance, ask, progress)
@@ -237,7 +241,7 @@ def _methods_with_tolerance_shares(
     scenes: tuple[Scene, Scene], methods: Sequence[str | Method], tol: float, until: float | None
 ) -> list[_MethodOnScene]:
     """Each method with its scene, its share of the tolerance, and the budget."""
-    loaded = [find_method(m) if isinstance(m, str) else m for m in methods]
+    loaded = [m if isinstance(m, Method) else find_method(m) for m in methods]
     shares = [SHARES.get(m.wing, 1.0) for m in loaded]
     budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
     sides = []

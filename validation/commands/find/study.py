@@ -9,8 +9,11 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from cablefem.response import write_json
 from cablefem.scene import Scene, SceneError
@@ -170,6 +173,7 @@ def find(
     if not isinstance(scene, Scene | Line):
         scene = load_line_or_none(scene) or Scene.load(scene)
     key, low, high = _one_key_and_range(keys)
+    _refuse_bad_arguments(so_that, model, all_of)
     search = _Search(scene, key, parse_condition(so_that), model, all_of or {}, progress, high - low)
     values = [low + (high - low) * i / BRACKETS for i in range(BRACKETS + 1)]
     changes: list[Threshold] = []
@@ -202,9 +206,23 @@ def _one_key_and_range(keys: Mapping[str, Sequence[float]]) -> tuple[str, float,
         raise Refused(
             f"keys = {short_text(keys)}: must be one key and its range, as {{'mass.mass': (40, 200)}}"
         ) from None
+    for end in (low, high):
+        if isinstance(end, bool) or not isinstance(end, Real):
+            raise Refused(f"{key} = {short_text(end)}: must be a number")
     if not low < high:
         raise Refused(f"{key} = {low:g}:{high:g}: LOW must be below HIGH")
     return key, low, high
+
+
+def _refuse_bad_arguments(so_that: object, model: object, all_of: object) -> None:
+    """Raise Refused for a condition that is no text, an unknown model, and values that are no lists."""
+    if not isinstance(so_that, str):
+        raise Refused(f"so_that = {short_text(so_that)}: must be a text, as 'tension_max <= 18 kN'")
+    if model not in ("quasi-static", "full"):
+        raise Refused(f"model = {short_text(model)}: must be quasi-static or full")
+    lists = all_of.values() if isinstance(all_of, Mapping) else [] if all_of is None else [None]
+    if any(not isinstance(values, list | tuple | np.ndarray) for values in lists):
+        raise Refused(f"all_of = {short_text(all_of)}: must map dotted keys to lists of values")
 
 
 class Interrupted(KeyboardInterrupt):
