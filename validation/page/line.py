@@ -158,21 +158,20 @@ def _side_view_without_cars(line: Row, profile: SeriesByName, lowest: Sequence[A
     p.bands.append((x, highest_of_rope, lowest_of_rope, "#0072b233"))
     p.add_curve(x, profile["y_rest"], plot.GREY, plot.DOTTED, 1.4, "empty rope")
     for contact in line["contact"]:
-        _draw_contact(p, contact, end)
+        _draw_contact(p, contact)
     return p, caption
 
 
-def _draw_contact(panel: Panel, contact: Row, end: float) -> None:
-    """Draw a support, its shoe and its name in a side view from 0 to `end`."""
+def _draw_contact(panel: Panel, contact: Row) -> None:
+    """Draw a support, its shoe and its name in a side view."""
     x, depth = contact["at"]
     is_fixed = contact["kind"] in ("anchor", "saddle")
     panel.dots.append((x, depth, plot.BLACK, is_fixed))
     if "shoe" in contact:
         half = contact["shoe"]
         panel.add_curve(np.array([x - half, x + half]), np.array([depth, depth]), plot.BLACK, width=3.0)
-    inwards = float(x < 0.1 * end) - float(x > 0.9 * end)
     above = depth - 0.05 * (panel.high - panel.low)
-    panel.labels.append((x + inwards * 0.04 * end, above, contact["name"]))
+    panel.labels.append((x, above, contact["name"]))
 
 
 def series_figure(series: SeriesByName, unit: str, x: Array, xlabel: str, title: str) -> Markup:
@@ -220,8 +219,11 @@ def _figures_over_position(car: str, positions: Sequence[Row]) -> Iterator[Marku
     for title, kinds in _TEXT["over"].items():
         series = {}
         for name in positions[0]:
-            if name.partition(":")[0] in kinds:
-                series[line_quantity_words(name)] = _column_of_floats(positions, name)
+            if name.partition(":")[0] not in kinds:
+                continue
+            values = _column_of_floats(positions, name)
+            if np.isfinite(values[1:] + values[:-1]).any():  # a car is over an obstacle at one position
+                series[line_quantity_words(name)] = values
         if series:
             yield series_figure(series, WORDS[kinds[0]]["unit"], x, f"x of {car} [m]", title)
 

@@ -134,7 +134,12 @@ class Panel:
             around_y = np.append(high, low[::-1])
             drawn["bands"].append((_svg_path_data(x_to_paper(around_x), height(around_y)), color))
         drawn["dots"] = [(*point(x, y), *look) for x, y, *look in self.dots]
-        drawn["labels"] = [(*point(x, y), words) for x, y, words in self.labels]
+        drawn["labels"] = []
+        for at, y, text in self.labels:
+            right, down = point(at, y)
+            near_end = "end" if right > 0.85 * width else "middle"
+            anchor = "start" if right < 0.15 * width else near_end  # names of supports stay inside
+            drawn["labels"].append((right, down, anchor, text))
         drawn["image"] = None if self.image is None else _coloured_png_base64(self.image)
         return drawn
 
