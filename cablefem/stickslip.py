@@ -53,6 +53,7 @@ class Mode:
     awaits_waves: bool = False  # see `release_car`
     slow_at: float = math.inf  # where, and since when, it is slower than `Drive.rest_speed`
     slow_since: float = 0.0
+    stuck_since_slow: bool = False
 
     @property
     def slip_sign(self) -> float:
@@ -130,6 +131,7 @@ class RollingCar(System):
         self.mode.sticks = True
         x = self.solve_acceleration(x._replace(v=v))
         if self.friction_margin(x) > 0.0:
+            self.mode.stuck_since_slow = True
             return x
         return self._start_slipping(x)
 
@@ -157,6 +159,7 @@ class RollingCar(System):
         if self._moves_too_far_for_rest(x):
             mode.slow_at = float(x.q[-1])
             mode.slow_since = x.t
+            mode.stuck_since_slow = mode.sticks
             self._last_event_values = None
 
     def _stop_awaiting_waves(self, slip: float) -> None:
@@ -228,8 +231,12 @@ class RollingCar(System):
         return ahead, back, drive.end_position - s_o, s_o - drive.rollback_end_position
 
     def _moves_too_far_for_rest(self, x: State) -> bool:
-        moved = abs(float(x.q[-1]) - self.mode.slow_at)
-        return moved > self.drive.rest_speed * max(self.round_trip, x.t - self.mode.slow_since)
+        mode = self.mode
+        s_o = float(x.q[-1])
+        speed = self.drive.rest_speed
+        if mode.stuck_since_slow:
+            speed = self.drive.rest_speed_in_brakes(s_o, self.round_trip)
+        return abs(s_o - mode.slow_at) > speed * max(self.round_trip, x.t - mode.slow_since)
 
     def _time_to_stop_event(self, x: State) -> float:
         """Time until the car has been slow, and held, for an axial round trip of the last phase."""

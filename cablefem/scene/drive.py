@@ -116,7 +116,11 @@ class Driving(Part):
     hitch: Pair | None = described_field(
         "[m] of two wheels: of the haul rope, ahead of and below the centre of mass", None
     )
-    rest_speed: Positive = described_field("[m/s] a slower car is at rest where friction or the valley holds it", 1e-3)
+    rest_speed: Positive = described_field(
+        "[m/s] a slower car is at rest where friction or the valley holds it; one that a brake has held, too, "
+        "below brake force / (2 sqrt(mass_per_length EA)), by which the cable springs back",
+        1e-3,
+    )
     rest_distance: Positive = described_field(
         "[m] from its static position of rest in which a slow car is at rest", 0.01
     )
@@ -269,6 +273,10 @@ class Drive:
     def brake_force(self, s_o: Any) -> Any:
         """Force of all brakes that reach s_o; any shape."""
         return sum(force * (s_o >= position) for position, force in self.brakes)
+
+    def rest_speed_in_brakes(self, s_o: float, axial_round_trip: float) -> float:
+        """`rest_speed`, or where it is larger F/(2 sqrt(rho EA)), by which cable springs back from brakes that held."""
+        return max(self.rest_speed, self.brake_force(s_o) * axial_round_trip / 4.0)
 
     def rear_brake_force(self, s_o: Any) -> Any:
         """Of `brake_force` the part at the rear one of two wheels."""

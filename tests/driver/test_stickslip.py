@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cablefem import Scene
+from cablefem import Scene, quasi_static, run
 from cablefem.newmark import Newton, State, Work, consistent_acceleration, integrate, scheme
 from cablefem.scene.drive import Drive
 from cablefem.stickslip import CarForces, RollingCar
@@ -161,3 +161,28 @@ def test_the_laws_hold_of_a_ride_that_a_brake_ends():
     assert not broken_laws(found)
     assert [x["event"] for x in found.finest.events][-2:] == ["brake", "stop"]
     assert found.finest.events[-1]["speed"] == 0.0
+
+
+KID = """
+cable = {mass_per_length = 0.42, EA = 4.6e6, length = 61.0, damping = 0.01}
+supports = {span = 60.0, drop = 2.4}
+mass = {mass = 30.0}
+
+[drive]
+mode = "free"
+start = 1.0
+rolling_friction = 0.015
+drag_area = 0.35
+wind = -3.0
+brake = [{from = 52.0, force = 100.0}]
+"""
+
+
+def test_a_child_whom_a_brake_holds_is_at_rest_though_the_rope_bounces():
+    """Waves of a light rope move her by millimetres; a brake that holds her statically has stopped her."""
+    scene = Scene.from_toml(KID)
+    by_energy = quasi_static(scene).events[-1]
+    stop = run(scene, "following-p2", elements=8, steps=400).events[-1]
+    assert by_energy["event"] == stop["event"] == "stop"
+    assert stop["s_o"] == pytest.approx(by_energy["s_o"], abs=0.1)
+    assert stop["t"] == pytest.approx(by_energy["t"], abs=0.2)

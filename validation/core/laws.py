@@ -334,14 +334,20 @@ def _largest_timetable_position_gap(evidence: Evidence) -> float:
 
 
 def _excess_speed_after_stop(evidence: Evidence) -> float:
-    """Speed [m/s] beyond `rest_speed` of a stopped car, a mean over the last axial round trip of the run."""
+    """Speed [m/s] of a stopped car beyond that of a car at rest, a mean over the last axial round trip of the run.
+
+    At rest are cars below `rest_speed`, or the slip F/(2 sqrt(rho EA)) as the cable springs back from brakes F.
+    """
     r = evidence.r
-    duration = min(r.t[-1] - r.t[0], evidence.data.round_trip)
+    data = evidence.data
+    duration = min(r.t[-1] - r.t[0], data.round_trip)
     if not duration:
         return 0.0
     before = np.interp(r.t[-1] - duration, r.t, r.s_o)
     speed = abs(r.s_o[-1] - before) / duration
-    return max(0.0, speed - 1.01 * evidence.data.drive.get("rest_speed", 1e-3))
+    braking = sum(brake["force"] for brake in data.drive.get("brake", []) if brake["from"] <= r.s_o[-1])
+    at_rest = max(data.drive.get("rest_speed", 1e-3), braking / (2.0 * math.sqrt(data.rho * data.EA)))
+    return max(0.0, speed - 1.01 * at_rest)
 
 
 @_register_law("drive", _car_rolls, exact=True)

@@ -223,7 +223,8 @@ def _car_events(scene: Scene, passed: list[PassedEvent], t: Array, s_o: Array, v
 
 def _time_of_lasting_standstill(scene: Scene, passed: list[PassedEvent], t: Array, s_o: Array, end: float) -> float:
     """Time of the first standstill after which the car stays; `end` if there is none."""
-    near = scene.groups.drive.rest_speed * 2.0 / math.sqrt(scene.groups.alpha)  # distance in an axial round trip
+    round_trip = 2.0 / math.sqrt(scene.groups.alpha)  # of axial waves
+    near = round_trip * scene.groups.drive.rest_speed_in_brakes(float(s_o[-1]), round_trip)
     for event in passed:
         if event.name == "standstill" and abs(s_o[_nearest_index(t, event.t)] - s_o[-1]) <= near:
             return event.t
