@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from cablefem import Scene
+import cablefem as cf
+from cablefem import Line, Scene
 from cablefem.response import PATH_COLUMNS
 from tests.commands.calls import QUICK
 from tests.commands.test_lines import FEW
@@ -49,6 +50,7 @@ def undocumented_keys(file):
     return sorted(name for name in written if not any(re.fullmatch(pattern, name) for pattern in patterns))
 
 
+FEW_POSITIONS = {"car.up.at": [50.0, 700.0], "car.down.at": [488.0, 1138.0]}
 BEGIN = Scene.load("zipline").replace({"drive.end": {"place": 60.0}}).to_toml()
 WRITTEN = ("path.csv", "tension.csv", "profile.csv", "summary.json")
 
@@ -75,6 +77,16 @@ def test_every_column_and_key_has_an_entry(result_files):
         "find.csv",
     }
     assert {str(file): undocumented_keys(file) for file in result_files} == {str(file): [] for file in result_files}
+
+
+def test_every_design_number_of_a_line_at_rest_has_an_entry():
+    documented = documented_keys("quantity")
+    sprung = Line.load("two-span").replace(
+        {"contact.mountain.kind": "spring", "contact.mountain.stiffness": [1e7, 1e7]}
+    )
+    written = {row["quantity"].partition(":")[0] for row in cf.run(sprung.replace(FEW_POSITIONS)).design}
+    assert "shift_max" in written
+    assert written - documented == set()
 
 
 def test_a_new_key_is_seen(tmp_path):

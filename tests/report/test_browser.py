@@ -102,7 +102,7 @@ def test_a_row_of_many_lines_is_not_a_screen_high_and_shows_its_outcome(browser,
     numbers |= {f"haul_{of}:{car}": 2e4 for car in ("up", "down") for of in ("max", "min")}
     numbers |= {f"speed_max:{car}": 8.9 for car in ("up", "down")}
     row = {"car.0.travel.stop.time": 50, "outcome": outcome, "status": "complete", **numbers}
-    table = grid_table([row], motion_table_columns([row], ["car.0.travel.stop.time"]), "car.0.travel.stop.time")
+    table = grid_table([row], motion_table_columns([row], {"car.0.travel.stop.time": "s"}))
     page.write_page("Twin", [page.Section("one", "One", table)], tmp_path / "report.html")
     browser.open(tmp_path / "report.html", width)
     cell = "document.querySelector('td[data-label=\"outcome\"]')"

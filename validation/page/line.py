@@ -35,6 +35,18 @@ def line_quantity_words(name: str) -> str:
     return WORDS[base_quantity(name)]["words"].format(name.partition(":")[2])
 
 
+def words_of_extremes() -> dict[str, dict[str, str]]:
+    """Words and unit of design numbers by kind: largest and smallest of each quantity, or the only one that matters."""
+    out = {}
+    for name, of in WORDS.items():
+        for word, side in (("max", "largest"), ("min", "smallest")):
+            if of.get("only") == word:
+                out[name if name.endswith(f"_{word}") else f"{name}_{word}"] = of
+            elif "only" not in of:
+                out[f"{name}_{word}"] = of | {"words": f"{of['words']}, {side}"}
+    return out
+
+
 def three_decimals_text(value: float, unit: str) -> str:
     """A value with its unit, to a millimetre or a newton."""
     factor = 1.0

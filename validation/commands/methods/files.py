@@ -25,11 +25,15 @@ def data_dictionary_entries() -> Iterator[Entry]:
         if file == "design[]":
             for name, (words, unit) in KNOWN.items():
                 yield Entry("quantity", name, unit or "-", words.format("an obstacle or the ground"))
-            yield from _entries_of_quantities("quantity", {k: of for k, of in motion.WORDS.items() if k not in KNOWN})
+            in_motion = {k: of for k, of in motion.WORDS.items() if k not in KNOWN}
+            yield from _entries_of_quantities("quantity", in_motion)
+            at_rest = line.words_of_extremes()
+            known = {*KNOWN, *in_motion}
+            yield from _entries_of_quantities("quantity", {k: of for k, of in at_rest.items() if k not in known})
         if file == "positions.csv":
             yield from _entries_of_quantities(file, line.WORDS)
 
 
 def _entries_of_quantities(file: str, words: dict[str, Any]) -> Iterator[Entry]:
     for name, of in words.items():
-        yield Entry(file, name, of["unit"] or "-", of["words"].format("it"))
+        yield Entry(file, name, of["unit"] or "-", of["words"].format("NAME"))
