@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
 
 from cablefem.newmark import Array
 
@@ -33,10 +36,20 @@ class DenseMatrix:
         """Add a factor times column `source` to another column."""
         self.matrix[:, to] += factor * self.matrix[:, source]
 
+    def fix_unknowns_at_zero(self, at: NDArray[np.intp]) -> None:
+        """Make rows and columns `at` zero but for ones on the diagonal: these unknowns drop out."""
+        self.matrix[at] = 0.0
+        self.matrix[:, at] = 0.0
+        self.matrix[at, at] = 1.0
+
     def let_unknown_follow_previous(self, j: int, factor: float) -> None:
         """Let unknown j follow j - 1: add its row and its column to those before, times the factor."""
         self.add_multiple_of_row(j, j - 1, factor)
         self.add_multiple_of_column(j, j - 1, factor)
+
+    def factorise_in_place(self) -> Callable[[Array], Array]:
+        """Return the solution as a function of the right-hand side."""
+        return splu(csc_array(self.matrix)).solve
 
 
 class BandMatrix:
@@ -125,21 +138,41 @@ class BandMatrix:
         self.corner[:, border] = 0.0
         self.corner[border, border] = 1.0
 
-    def factorise_in_place(self) -> Callable[[Array], Array]:
-        """Return the solution as a function of the right-hand side; the band is overwritten."""
+    def factorise_in_place(self) -> BandFactors:
+        """Return the factors; the band is overwritten."""
         factor, substitute = get_lapack_funcs(("gbtrf", "gbtrs"), (self.ab,))
         lu, pivots, _ = factor(self.ab, self.b, self.b, overwrite_ab=True)
         from_border = substitute(lu, self.b, self.b, self.columns, pivots)[0]
         schur = self.corner - self.rows @ from_border
-        inverse = np.linalg.inv(schur)
+        return BandFactors(substitute, lu, pivots, from_border, self.rows, np.linalg.inv(schur))
 
-        def solve(b: Array) -> Array:
-            inner = substitute(lu, self.b, self.b, b[: self.n], pivots)[0]
-            remaining = b[self.n :] - self.rows @ inner
-            border = inverse @ remaining
-            return np.concatenate([inner - from_border @ border, border])
 
-        return solve
+@dataclass(frozen=True, slots=True)
+class BandFactors:
+    """Of a bordered band."""
+
+    substitute: Callable  # LAPACK's gbtrs
+    lu: Any
+    pivots: Any
+    from_border: Any
+    rows: Any
+    inverse: Any
+
+    def __call__(self, b: Array) -> Array:
+        """The solution for a right-hand side."""
+        n = self.pivots.size
+        band = len(self.lu) // 3
+        inner = self.substitute(self.lu, band, band, b[:n], self.pivots)[0]
+        border = self.inverse @ (b[n:] - self.rows @ inner)
+        return np.concatenate([inner - self.from_border @ border, border])
+
+    def inverted_diagonal(self) -> tuple[Any, ...]:
+        """`segment_kernels.march.Factors` of this one."""
+        columns = self.lu.T.astype(complex)
+        diagonal = 2 * (columns.shape[1] // 3)
+        columns[:, diagonal] = 1.0 / columns[:, diagonal]
+        border = [x.astype(complex) for x in (self.from_border, self.rows, self.inverse)]
+        return columns, self.pivots, *border
 
 
 Matrix = DenseMatrix | BandMatrix

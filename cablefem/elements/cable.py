@@ -145,7 +145,7 @@ class CableElements(System):
 
     def collocate_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         if not self.many_steps:
-            steps = steps.first_steps(1)
+            steps = steps.section(0, 1)
         return self._yield_results_noting_tension(self._take_collocation_steps(phase, steps, rule, newton))
 
     def _take_newmark_steps(

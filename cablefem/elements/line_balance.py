@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
 
 from cablefem.elements.bodies import (
     INPUTS,
@@ -36,6 +35,20 @@ class RopeAndCars(NamedTuple):
     cars: CarLoadsAndMasses
 
 
+@dataclass(frozen=True, slots=True)
+class CoordinateSolve:
+    """The solution for some of the coordinates."""
+
+    factors: Solve  # of all
+    size: int
+    slots: Slots
+
+    def __call__(self, b: Array) -> Array:
+        full = np.zeros(self.size, b.dtype)
+        full[self.slots] = b
+        return self.factors(full)[self.slots]
+
+
 class LineBalance(LineCoordinates):
     """The balance of a rope over contacts with cars.
 
@@ -48,9 +61,6 @@ class LineBalance(LineCoordinates):
         count = len(self.nodes)
         self.law = np.array(self.segments.rope_law(count))  # (3, K, G)
         self.band = 2 * degree + 1
-        # t, a, rows and loads at the last instant of the last residuals
-        self._last: tuple[float, Array, Array, Array] | None = None
-        self._instants: tuple[Array, int, Array] | None = None  # t, phase, prescribed ones of the last residuals
         self._set_springs_and_counterweights()
         weights = [car.mass * line.gravity for car in line.cars_on_rope]
         self.force_scale = min(weights, default=line.weight_per_length * line.supports[-1].point[0])
@@ -63,25 +73,20 @@ class LineBalance(LineCoordinates):
         self.hold = np.zeros(len(line.cars_on_rope))  # [N] f that holds free cars at the start
 
     def _set_springs_and_counterweights(self) -> None:
-        self._springs: list[tuple[Slots, Array, Contact]] = []  # slots of x and y, stiffness
-        self._weights: list[tuple[int, int]] = []  # slot of s and number of the end
+        self.springs: list[tuple[Slots, Array, Contact]] = []  # slots of x and y, stiffness
+        self.weights: list[tuple[int, int]] = []  # slot of s and number of the end
         for k in (0, -1):
             end = self.line.supports[k]
             if end.stiffness is not None:
-                self._springs.append((self.xy[k], np.array(end.stiffness), end))
+                self.springs.append((self.xy[k], np.array(end.stiffness), end))
             if end.force is not None:
-                self._weights.append((int(self.s[k]), k))
+                self.weights.append((int(self.s[k]), k))
 
     @cached_property
     def _kernel(self) -> Kernel:
         from cablefem.elements.segment_kernels import Kernel  # slow to load
 
-        on_one = np.array(self.point_cars, int)
-        contacts = np.array(self.car_contacts, int)
-        swings = np.full(len(contacts), -1)
-        swings[self.of_swing] = self.swing
-        slots = [self._force_slots[on_one], swings[on_one]]  # of F/M and phi
-        return Kernel(self.segments, on_one, contacts[on_one], slots, self.line.gravity)
+        return Kernel(self)
 
     @property
     def sticking_unknowns(self) -> list[int]:
@@ -89,7 +94,7 @@ class LineBalance(LineCoordinates):
         return []
 
     # --- rows --------------------------------------------------------------------------------------------------
-    def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
+    def residual(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.coordinates_from_unknowns(t, q, v, a, phase)
         return self._select_unknown_rows(self.balance_rows(t, x, phase))
 
@@ -102,21 +107,7 @@ class LineBalance(LineCoordinates):
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
         if not self.compiled:
             return super().residuals(t, q, v, a, phase)
-        z = self._prescribed_at_instants(t, phase).copy()
-        z[..., self._unknown] = q, v, a
-        x = self.fill_dependent_coordinates(z)
-        rows = self.balance_rows(t, x, phase)
-        self._last = t.item(-1), a[-1], rows[-1], self.loads[-1]
-        return self._select_unknown_rows(rows)
-
-    def _prescribed_at_instants(self, t: Array, phase: int) -> Array:
-        """Prescribed coordinates with rates (3, n, size) at times t (n,), the same for all residuals of a step."""
-        last = self._instants
-        if last is not None and last[0] is t and last[1] == phase:
-            return last[2]
-        prescribed = np.stack([self._cached_prescribed_coordinates(at, phase) for at in t.tolist()], axis=1)
-        self._instants = t, phase, prescribed
-        return prescribed
+        return self.residual(t, q, v, a, phase)
 
     def balance_rows(
         self, t: Array | float, x: Coordinates, phase: int, rope_and_cars: RopeAndCars | None = None
@@ -174,12 +165,19 @@ class LineBalance(LineCoordinates):
         self.loads[0, -1] = fields.N.min()
 
     def _add_support_rows(self, rows: Array, x: Coordinates) -> None:
-        for slots, stiffness, spring in self._springs:
+        for slots, stiffness, spring in self.springs:
             rows[..., slots] += stiffness * (x.q[..., slots] - spring.point)
-        for slot, k in self._weights:
+        for slot, k in self.weights:
             ds = x.v[..., slot]
             dds = x.a[..., slot]
             rows[..., slot] += self.counterweight_row(k, ds, dds)
+
+    def counterweight_numbers(self, end: int) -> tuple[float, ...]:
+        """`segment_kernels.contacts.Supports.numbers` of a counterweight."""
+        contact = self.line.supports[end]
+        force = contact.force or 0.0
+        mass, sign = self._counterweight_mass_and_sign(end, force)
+        return force, sign, mass, self.line.weight_per_length * contact.point[1], self.line.rope.EA
 
     def _counterweight_mass_and_sign(self, end: int, force: float) -> tuple[float, float]:
         """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
@@ -246,39 +244,29 @@ class LineBalance(LineCoordinates):
 
     def _tangent_solver_of_unknowns(self, t: float, x: Coordinates, phase: int, c: TangentFactors) -> Solve:
         """The solution for all unknowns, 0 for s of cars that stick."""
-        sticking = self.sticking_unknowns
-        moving = self.free.copy()
-        moving[self._unknown[sticking]] = False
         rope_and_cars = RopeAndCars(self.law, self.car_loads_and_masses(t, phase))
-        solve_moving = self.tangent_solver(x, rope_and_cars, c, moving)
-        if not sticking:
-            return solve_moving
+        return CoordinateSolve(self._factorise(x, rope_and_cars, c, self.moving), self.size, self._unknown)
 
-        def solve(b: Array) -> Array:
-            return np.insert(solve_moving(np.delete(b, sticking)), gaps, 0.0)
-
-        gaps = np.array(sticking) - np.arange(len(sticking))  # places of the zeros among the others
-        return solve
+    @property
+    def moving(self) -> Mask:
+        """Which coordinates are unknown, and not of a car that sticks."""
+        moving = self.free.copy()
+        moving[self._unknown[self.sticking_unknowns]] = False
+        return moving
 
     def tangent_solver(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: Mask) -> Solve:
         """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free coordinates; without c2 forces F/M count once."""
+        return CoordinateSolve(self._factorise(x, rope_and_cars, c, free), self.size, np.flatnonzero(free))
+
+    def _factorise(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: Mask) -> Solve:
+        """The solution of all coordinates, in which those that are not free drop out."""
         rope_rows = np.empty(0)
         if self.trolleys:
             rope_rows = self._rope_rows_noting_loads(x, *rope_and_cars)
-        if not self.compiled:
-            return self._sparse_tangent_solver(x, rope_and_cars, c, free, rope_rows)
-        matrix = self._rope_and_car_band(x, rope_and_cars, c)
+        matrix = self._rope_and_car_band(x, rope_and_cars, c) if self.compiled else self._dense(x, rope_and_cars, c)
         self._add_contact_tangents(matrix, x, rope_rows, rope_and_cars.cars, c)
         matrix.fix_unknowns_at_zero(np.flatnonzero(np.logical_not(free)))
-        solve_all = matrix.factorise_in_place()
-        unknown = np.flatnonzero(free)
-
-        def solve(b: Array) -> Array:
-            full = np.zeros(free.size, b.dtype)
-            full[unknown] = b
-            return solve_all(full)[unknown]
-
-        return solve
+        return matrix.factorise_in_place()
 
     def _rope_and_car_band(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors) -> BandMatrix:
         """The tangent of segments and of cars on one contact; complex factors by two real ones, compiled once."""
@@ -292,10 +280,8 @@ class LineBalance(LineCoordinates):
             matrix.add_imaginary_part(other)
         return matrix
 
-    def _sparse_tangent_solver(
-        self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: Mask, rope_rows: Array
-    ) -> Solve:
-        """`tangent_solver` by numpy and a sparse factorisation."""
+    def _dense(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors) -> DenseMatrix:
+        """The same by numpy."""
         law, cars = rope_and_cars
         of_segments = self.segments.tangent(self.segment_motion(x), Law(*law), c)
         of_nodes = self.xy_of_nodes.reshape(len(self.nodes), -1)
@@ -304,8 +290,7 @@ class LineBalance(LineCoordinates):
         np.add.at(matrix.matrix, (slots[:, :, None], slots[:, None, :]), of_segments)
         if self.point_cars:
             self._add_car_tangent(matrix, x, cars, c)
-        self._add_contact_tangents(matrix, x, rope_rows, cars, c)
-        return splu(csc_array(matrix.matrix[free][:, free])).solve
+        return matrix
 
     def _add_contact_tangents(
         self, matrix: Matrix, x: Coordinates, rope_rows: Array, cars: CarLoadsAndMasses, c: TangentFactors
@@ -328,10 +313,10 @@ class LineBalance(LineCoordinates):
         c0, c1, c2 = c
         EA = self.line.rope.EA
         rho = self.segments.rho
-        for slots, stiffnesses, _ in self._springs:
+        for slots, stiffnesses, _ in self.springs:
             for slot, stiffness in zip(slots.tolist(), stiffnesses.tolist(), strict=True):
                 yield slot, stiffness * c0
-        for slot, k in self._weights:
+        for slot, k in self.weights:
             force = self.line.supports[k].force or 0.0
             mass, sign = self._counterweight_mass_and_sign(k, force)
             ds = x.v[slot]

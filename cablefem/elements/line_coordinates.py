@@ -19,7 +19,6 @@ from cablefem.newmark import Array, System
 from cablefem.scene.contacts import Car, Contact, MovingLine, Wheel
 from cablefem.scene.rail import Rail
 
-CACHED_INSTANTS = 8  # instants whose prescribed coordinates are kept: a step's nodes are evaluated several times
 Mask = NDArray[np.bool_]
 
 
@@ -47,7 +46,6 @@ class LineCoordinates(System):
         self.force_rows = np.array([self.slot_set_by_travel(i) for i in self.of_force], int)  # rows that determine F
         self._set_rails_and_cars_off_rope()
         self._set_prescribed_coordinates()
-        self._prescribed_cache: dict[tuple[float, int], Array] = {}
         self._unknown = np.flatnonzero(self.free)
         self.n_dof = self._unknown.size
 
@@ -81,7 +79,9 @@ class LineCoordinates(System):
         self.of_swing = [i for i, car in cars if car.hanger is not None]
         self.swing = first + np.arange(len(self.of_swing))  # slots of phi
         first += len(self.of_swing)
-        self.trolleys = [Trolley(car, i, self.car_contacts[i]) for i, car in cars if car.wheels is not None]
+        self.trolleys = [
+            Trolley(car, i, self.car_contacts[i], self.line.gravity) for i, car in cars if car.wheels is not None
+        ]
         for trolley in self.trolleys:
             force = int(self._force_slots[trolley.i])
             body = first + np.arange(3)
@@ -141,26 +141,20 @@ class LineCoordinates(System):
             self.free[self.s[k]] = False
             self.constant[self.s[k]] = (self.line.rope.length or 0.0) if k else 0.0
 
-    def prescribed_coordinates(self, t: float, phase: int) -> Coordinates:
-        """Coordinates with what is prescribed at t; zero elsewhere."""
-        return Coordinates(*self._cached_prescribed_coordinates(t, phase).copy())
+    def prescribed_coordinates(self, t: Array | float, phase: int) -> Array:
+        """Coordinates with rates (3, ..., size) with what is prescribed at t (...); zero elsewhere."""
+        shape = np.shape(t)
+        out = np.zeros((3, *shape, self.size))
+        out[0] = self.constant
+        for car, slot in self.prescribed:
+            positions = [self.line.prescribed_position_with_rates(car, at, phase) for at in np.ravel(t).tolist()]
+            out[..., slot] = np.reshape(np.transpose(positions), (3, *shape))
+        return out
 
-    def _cached_prescribed_coordinates(self, t: float, phase: int) -> Array:
-        """The same as an array (3, size), which is not to be changed."""
-        if (t, phase) not in self._prescribed_cache:
-            if len(self._prescribed_cache) >= CACHED_INSTANTS:
-                self._prescribed_cache.clear()
-            out = np.zeros((3, self.size))
-            out[0] = self.constant
-            for car, slot in self.prescribed:
-                out[:, slot] = self.line.prescribed_position_with_rates(car, t, phase)
-            self._prescribed_cache[t, phase] = out
-        return self._prescribed_cache[t, phase]
-
-    def coordinates_from_unknowns(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Coordinates:
-        """All coordinates, from the unknowns and what is prescribed at t."""
-        out = self._cached_prescribed_coordinates(t, phase).copy()
-        out[:, self._unknown] = q, v, a
+    def coordinates_from_unknowns(self, t: Array | float, q: Array, v: Array, a: Array, phase: int) -> Coordinates:
+        """All coordinates (..., size), from the unknowns (..., n_dof) and what is prescribed at t (...)."""
+        out = self.prescribed_coordinates(t, phase)
+        out[..., self._unknown] = q, v, a
         return self.fill_dependent_coordinates(out)
 
     def fill_dependent_coordinates(self, z: Array) -> Coordinates:

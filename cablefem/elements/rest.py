@@ -27,9 +27,9 @@ def coordinates_at_rest(
     time_shift : [s] moves prescribed cars on by their velocity.  guess : coordinates at rest to begin from.
     Raises StepFailure where no state of rest was found.
     """
-    prescribed = system.prescribed_coordinates(t, phase)
+    positions, velocities, _ = system.prescribed_coordinates(t, phase)
     free = system.free.copy()
-    q = prescribed.q + time_shift * prescribed.v
+    q = positions + time_shift * velocities
     for i in system.free_cars:
         slot = system.slot_of_s(i)
         free[slot] = False

@@ -138,7 +138,7 @@ class RollingElements(RollingCar, FollowingElements):
     def collocate_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         many = not self.free or rule.c[-1] == 1.0
         if not (many and self.event_free_range_known):
-            steps = steps.first_steps(1)
+            steps = steps.section(0, 1)
         results = self._take_collocation_steps(phase, steps, rule, newton)
         self._set_start_of_event_search(steps.t[1:], len(results))
         return self._yield_results_noting_tension(results)

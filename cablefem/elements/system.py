@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,21 @@ from cablefem.elements.line_balance import LineBalance, RopeAndCars
 from cablefem.elements.line_coordinates import Coordinates
 from cablefem.elements.line_observe import observe_line
 from cablefem.motion import LineMotion
-from cablefem.newmark import Array, State, StepFailure, consistent_acceleration
+from cablefem.newmark import (
+    Array,
+    Newton,
+    State,
+    StepFailure,
+    StepResult,
+    Steps,
+    Tableau,
+    consistent_acceleration,
+)
+from cablefem.newmark.collocation import SAME_STEP
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel, lift_off_event_name, meeting_event_name
-from cablefem.shoes import car_may_pass_saddle, possible_passages
+from cablefem.shoes import Passage, car_may_pass_saddle, possible_passages
 
+STEPS_AT_ONCE = 16  # those beyond an event are lost
 SHIFT = 1e-4  # [s] for velocities through states of rest
 
 
@@ -33,7 +44,9 @@ class LineElements(LineBalance):
 
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
         super().__init__(line, elements, degree, compiled)
-        self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
+        self.many_steps = compiled and not line.cars_off_rope
+        # a and events' values by t, of the last states
+        self._known_values: dict[float, tuple[Array, tuple[float, ...]]] = {}
         self._set_event_watchers()
         self.events = tuple(self._event_names())
 
@@ -83,7 +96,7 @@ class LineElements(LineBalance):
 
         q = coordinates_at_rest(self, t, phase)
         v = np.zeros(self.size)
-        if self.prescribed_coordinates(t, phase).v.any():
+        if self.prescribed_coordinates(t, phase)[1].any():
             before = coordinates_at_rest(self, t, phase, -SHIFT, q)
             after = coordinates_at_rest(self, t, phase, SHIFT, q)
             v = (after - before) / (2.0 * SHIFT)
@@ -173,12 +186,8 @@ class LineElements(LineBalance):
         """Car i sticks, or slips if friction and brakes cannot hold it."""
         self.signs[i] = 0.0
         after = self._state_with_slip(i, x, 0.0)
-        z = self.coordinates_from_unknowns(*after)
-        rows = self.balance_rows(x.t, z, x.phase)
-        cars = self.car_loads_and_masses(x.t, x.phase)
-        pressing = self._pressing_forces(z, rows, self.loads[0], cars)
-        holds = self._friction_margin(i, z, rows, pressing) > 0.0
-        return after if holds else self._start_slipping(i, after)
+        margin = self.event_values(after)[self.events.index(f"{self.line.cars_on_rope[i].name} breaks loose")]
+        return after if margin > 0.0 else self._start_slipping(i, after)
 
     def _start_slipping(self, i: int, x: State) -> State:
         """Car i, which sticks, slips against the force that has held it."""
@@ -193,85 +202,152 @@ class LineElements(LineBalance):
         v[self._travel_unknown(i)] = ds
         return consistent_acceleration(self, x.t, x.q, v, x.phase)
 
-    def _holding_force(self, i: int, z: Coordinates, rows: Array) -> float:
+    def _holding_force(self, i: int, z: Coordinates, rows: Array) -> Array:
         """Force [N] of friction and brakes along the rope that a car which sticks needs; of two wheels all of it."""
-        y = self.slopes_and_motion_at_cars(z)[i]
-        stretch = 0.5 * (vector_length(y[0:2]) + vector_length(y[2:4]))
-        return float(rows[self.slot_of_s(i)] / stretch)
+        y = self.slopes_and_motion_at_cars(z)[..., i, :]
+        stretch = 0.5 * (vector_length(y[..., 0:2]) + vector_length(y[..., 2:4]))
+        return rows[..., self.slot_of_s(i)] / stretch
 
-    def _friction_margin(self, i: int, z: Coordinates, rows: Array, pressing: Sequence[float]) -> float:
+    def _friction_margin(self, i: int, z: Coordinates, rows: Array, pressing: Array) -> Array:
         """Largest force [N] of friction and brakes less the one that holds car i."""
-        load = sum(abs(x) for car, x in zip(self._pressing, pressing, strict=True) if car == i)
+        load = np.abs(pressing[..., np.equal(self._pressing, i)]).sum(axis=-1)
         largest = self._unloaded_cars.friction[i] * load + self.brakes[i]
-        return float(largest - abs(self._holding_force(i, z, rows)))
+        return largest - np.abs(self._holding_force(i, z, rows))
+
+    # --- steps ---------------------------------------------------------------------------------------------
+    def collocate_steps(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
+        """Take steps, with the factors of a step before as long as they serve."""
+        if not self.many_steps:
+            yield from super().collocate_steps(phase, steps, rule, newton)
+            return
+        q, v = steps.ends[0]
+        self.begin_step(State(steps.t.item(0), q, v, steps.a[0, -1], phase))
+        k = 0
+        while k < len(steps.a):
+            taken, results = self._take_steps_with_factors(phase, steps.section(k, len(steps.a)), rule, newton)
+            yield from results[:taken]
+            k += taken
+            if self.factors is None and k < len(steps.a):
+                failed = results[taken] if taken < len(results) else StepResult(0.0, 0, 0, 0)
+                yield self._take_step_with_new_factors(phase, steps.section(k, k + 1), rule, newton, failed)
+                k += 1
+                if k < len(steps.a):
+                    steps.a[k] = steps.extrapolation[k] @ steps.a[k - 1]
+
+    def _take_steps_with_factors(
+        self, phase: int, steps: Steps, rule: Tableau, newton: Newton
+    ) -> tuple[int, list[StepResult]]:
+        """Take steps with the factors of a step before; return how many converged, and the results of all tried.
+
+        The next step has its guess, or corrections of it; factors that do not serve it are forgotten.
+        """
+        dt = np.diff(steps.t[: STEPS_AT_ONCE + 1])
+        count = 0
+        if self.factors is not None:
+            same = np.abs(dt - self.factors.dt) <= SAME_STEP * dt
+            count = int(np.argmin(np.append(same, False)))
+        if self.factors is None or count == 0:
+            self.factors = None
+            return 0, []
+        solves: list[Any] = self.factors.solves
+        nodes = rule.node_times(steps.t[: count + 1])
+        cars = self.car_loads_and_masses(nodes, phase)
+        prescribed = self.prescribed_coordinates(nodes, phase)
+        unknowns = self._unknown, self.moving
+        factors = [solve.factors for solve in solves]
+        taken, results = self._kernel.take_steps_with_factors(
+            self.law, cars, unknowns, factors, steps, prescribed, rule, newton
+        )
+        if taken < count or not results[-1, 4]:
+            self.factors = None
+        q, v = steps.ends[1 : taken + 1].swapaxes(0, 1)
+        t = steps.t[1 : taken + 1]
+        a = steps.a[:taken, -1]
+        values = self._event_values_at(t, q, v, a, phase)
+        self._known_values = dict(zip(t.tolist(), zip(a, map(tuple, values.tolist()), strict=True), strict=True))
+        return taken, [StepResult(*row) for row in results.tolist()]
+
+    def _take_step_with_new_factors(
+        self, phase: int, step: Steps, rule: Tableau, newton: Newton, failed: StepResult
+    ) -> StepResult:
+        """Take one step; failed : what has been tried with other factors."""
+        spent = failed.iterations
+        rest = newton._replace(
+            max_iter=newton.max_iter - spent, patience=newton.patience - spent, enough=newton.enough - spent
+        )
+        (result,) = super().collocate_steps(phase, step, rule, rest)
+        return result._replace(iterations=result.iterations + spent, residuals=result.residuals + failed.residuals)
 
     # --- events --------------------------------------------------------------------------------------------
     def event_values(self, x: State) -> tuple[float, ...]:
-        z = self.coordinates_from_unknowns(*x)
-        gaps = np.diff(z.q[self.s])[self._gaps] - NEAREST
-        values = gaps.tolist()
-        if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
-            others = [np.inf] * (len(self.events) - gaps.size)
-            return (*values, *others)
-        for i in self._stops:
-            ahead = float(z.v[self.slot_of_s(i)] * self.signs[i])
-            values.append(np.inf if self._sticks(i) else ahead)
-        for i, position in self._brakes:
-            values.append(position - float(z.q[self.slot_of_s(i)]))
-        values += self._loads_and_friction_margins(x, z)
-        for passage in self.passages:
-            point, velocity, _ = self.car_point_and_rates(passage.car, x).tolist()
-            values.append(passage.distance_to_go(point[0], velocity[0]))
-        return tuple(values)
+        known = self._known_values.get(x.t)
+        if known is None or not np.array_equal(known[0], x.a):
+            t, q, v, a, phase = x
+            known = a, tuple(self._event_values_at(t, q, v, a, phase).tolist())
+            self._known_values = {t: known}
+        return known[1]
 
-    def _loads_and_friction_margins(self, x: State, z: Coordinates) -> list[float]:
-        """Events' values of loads: contact forces, smallest tension, pressures on saddles, margins of sticking cars."""
-        if self._loaded[0] is not x:
-            rows, loads = self._rows_and_loads(x, z)
-            cars = self.car_loads_and_masses(x.t, x.phase)
-            pressing = self._pressing_forces(z, rows, loads, cars)
-            values = pressing + self._min_tension_and_saddle_pressures(rows, loads)
-            for i in self._stops:
-                values.append(self._friction_margin(i, z, rows, pressing) if self._sticks(i) else np.inf)
-            self._loaded = x, values
-        return self._loaded[1]
+    def _event_values_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
+        """Values (..., events) at t (...); the others (..., n_dof)."""
+        z = self.coordinates_from_unknowns(t, q, v, a, phase)
+        gaps = np.diff(z.q[..., self.s])[..., self._gaps] - NEAREST
+        ahead = [z.v[..., self.slot_of_s(i)] * self.signs[i] for i in self._stops]
+        sticks = [self._sticks(i) for i in self._stops]
+        to_brakes = [position - z.q[..., self.slot_of_s(i)] for i, position in self._brakes]
+        with np.errstate(all="ignore"):  # contacts that meet
+            rows = self.balance_rows(t, z, phase)
+            loads = self.loads.reshape(*np.shape(t), self.loads.shape[-1])
+            pressing = self._pressing_forces(z, rows, loads, self.car_loads_and_masses(t, phase))
+            margins = [self._friction_margin(i, z, rows, pressing) for i in self._stops]
+        others = [
+            *(np.where(holds, np.inf, x) for holds, x in zip(sticks, ahead, strict=True)),
+            *to_brakes,
+            *np.moveaxis(pressing, -1, 0),
+            *np.moveaxis(self._min_tension_and_saddle_pressures(rows, loads), -1, 0),
+            *(np.where(holds, x, np.inf) for holds, x in zip(sticks, margins, strict=True)),
+            *(self._distance_to_passage(passage, t, z, phase) for passage in self.passages),
+        ]
+        values = np.stack(others, axis=-1)
+        values[gaps.min(axis=-1, initial=np.inf) <= 0.0] = np.inf  # they have no meaning there
+        return np.concatenate([gaps, values], axis=-1)
 
-    def _rows_and_loads(self, x: State, z: Coordinates) -> tuple[Array, Array]:
-        """Rows, and loads with the smallest tension, of x; of the end of a step those of its residual."""
-        last = self._last
-        if last is None or last[0] != x.t or not np.array_equal(last[1], x.a):
-            rows = self.balance_rows(x.t, z, x.phase)
-            return rows, self.loads[0]
-        return last[2:]
+    def _distance_to_passage(self, passage: Passage, t: Any, z: Coordinates, phase: int) -> Array:
+        """`Passage.distance_to_go` at t (...)."""
+        points = self._car_points_and_rates(passage.car, t, z, phase).reshape(-1, 3, 2)
+        distances = [passage.distance_to_go(*of_car[:2, 0].tolist()) for of_car in points]
+        return np.reshape(distances, np.shape(t))
 
     def car_point_and_rates(self, car: str, x: State) -> Array:
         """Point of a car with its rates (3, 2)."""
-        z = np.array(self.coordinates_from_unknowns(*x))
+        return self._car_points_and_rates(car, x.t, self.coordinates_from_unknowns(*x), x.phase)
+
+    def _car_points_and_rates(self, car: str, t: Any, z: Coordinates, phase: int) -> Array:
+        """Points of a car with their rates (..., 3, 2) at t (...)."""
         for k, on_rope in zip(self.car_contacts, self.line.cars_on_rope, strict=True):
             if on_rope.name == car:
-                return z[:, self.xy[k]]
-        return self.off_rope[car].points_with_rates(np.array([x.t]), z[:, None], x.phase)[0]
+                return np.stack([x[..., self.xy[k]] for x in z], axis=-2)
+        flat = np.array(z).reshape(3, -1, self.size)
+        points = self.off_rope[car].points_with_rates(np.ravel(t), flat, phase)
+        return points.reshape(*np.shape(t), 3, 2)
 
-    def _pressing_forces(self, x: Coordinates, rows: Array, loads: Array, cars: CarLoadsAndMasses) -> list[float]:
-        """Contact forces [N] of all that may lift off; `rows` and `loads` are those of x."""
-        if not self.car_contacts:
-            return []
+    def _pressing_forces(self, x: Coordinates, rows: Array, loads: Array, cars: CarLoadsAndMasses) -> Array:
+        """Contact forces [N] of all that may lift off (..., .); `rows` and `loads` are those of x."""
         by_car: dict[int, Any] = {}
-        for i, load in zip(self.point_cars, loads[:-1].tolist(), strict=True):
+        for i, load in zip(self.point_cars, np.moveaxis(loads, -1, 0), strict=False):
             by_car[i] = [load]
         for trolley in self.trolleys:
-            inputs = trolley.force_inputs(x, rows[trolley.points.ravel()])
+            inputs = trolley.force_inputs(x, rows[..., trolley.points.ravel()])
             by_car[trolley.i] = trolley.forces(cars, inputs).loads
         for i, car in enumerate(self.line.cars_on_rope):
             if car.rail is not None:
-                by_car[i] = [np.inf]
-        return [load for i in range(len(by_car)) for load in by_car[i]]
+                by_car[i] = [np.full(rows.shape[:-1], np.inf)]
+        pressing = [load for i in range(len(by_car)) for load in by_car[i]]
+        return np.stack(pressing, axis=-1) if pressing else rows[..., :0]
 
-    def _min_tension_and_saddle_pressures(self, rows: Array, loads: Array) -> list[float]:
-        """Smallest tension, and pressures of the rope on the saddles [N]."""
+    def _min_tension_and_saddle_pressures(self, rows: Array, loads: Array) -> Array:
+        """Smallest tension, and pressures of the rope on the saddles [N] (..., .)."""
         depth = self.xy[self.support_contacts[1:-1], 1]
-        pressures = -rows[depth]
-        return [loads.item(-1), *pressures.tolist()]
+        return np.concatenate([loads[..., -1:], -rows[..., depth]], axis=-1)
 
     def apply_event(self, name: str, x: State) -> State | None:
         """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""

@@ -53,7 +53,21 @@ class WheelForces(NamedTuple):
     stretch: Array  # <lam>
 
 
-def _wheel_forces(slopes: Any, rope_row: Any, mu_r: float, brake: Array, sign: Array) -> WheelForces:
+class BodyForces(NamedTuple):
+    """Rows of X and th, and what `TrolleyForces` has of them."""
+
+    of_X: Array
+    of_Y: Array
+    of_th: Array
+    centre_x: Array
+    centre_y: Array
+    thrust: Array
+    haul: Array
+    drag: Array
+
+
+# --- of arrays, and in `segment_kernels` of numbers --------------------------------------------------------------
+def wheel_forces(slopes: Any, rope_row: Any, mu_r: float, brake: Any, sign: Any) -> WheelForces:
     """At a wheel with r' behind and ahead (4, ...) and the row P of the rope (2, ...); sign of the motion."""
     bx, by, ax, ay = slopes
     tx = bx + ax
@@ -68,16 +82,61 @@ def _wheel_forces(slopes: Any, rope_row: Any, mu_r: float, brake: Array, sign: A
     return WheelForces(load, friction, stretch)
 
 
+def base_with_rates(base: float, th: Any, rate: Any, turning: Any) -> Any:
+    """From the rear wheel to the front one, with both rates: (3, 2) of (...)."""
+    cos = base * np.cos(th)
+    sin = base * np.sin(th)
+    ddx = -turning * sin - rate * rate * cos
+    ddy = turning * cos - rate * rate * sin
+    return (cos, sin), (-rate * sin, rate * cos), (ddx, ddy)
+
+
+def body_forces(numbers: Any, thrust: Any, y: Any) -> BodyForces:
+    """Forces on the body; numbers : `Trolley.numbers`;  y : inputs (INPUTS, ...), which may be complex."""
+    mass, k, wind, base, ahead, below, inertia, hitch, along, down, level, up, gravity, _ = numbers
+    th, X_v, Y_v, rate, X_a, Y_a, turning, force = y[12:]
+    cos = np.cos(th)
+    sin = np.sin(th)
+    cx = ahead * cos - below * sin  # c - X; n_c = (- cy, cx)
+    cy = ahead * sin + below * cos
+    vx = X_v - rate * cy
+    vy = Y_v + rate * cx
+    ax = X_a - turning * cy - rate * rate * cx
+    ay = Y_a + turning * cx - rate * rate * cy
+    air = vx - wind
+    drag = -k * np.sqrt(air * air + vy * vy + 1e-24)
+    haul = mass * force
+    haul_turns = -hitch * haul
+    thrust_x = thrust * (level * cos + up * sin)
+    thrust_y = thrust * (level * sin - up * cos)
+    thrust_turns = -(along * up + down * level) * thrust
+    C_x = mass * ax - thrust_x - haul * cos - drag * air
+    C_y = mass * (ay - gravity) - thrust_y - haul * sin - drag * vy
+    of_X = y[8] + y[10] + C_x
+    of_Y = y[9] + y[11] + C_y
+    of_th = base * (sin * y[8] - cos * y[9]) - cy * C_x + cx * C_y
+    of_th = of_th + inertia * turning - thrust_turns - haul_turns
+    thrust_power = thrust_x * vx + thrust_y * vy + thrust_turns * rate
+    haul_power = haul * (cos * vx + sin * vy) + haul_turns * rate
+    drag_power = drag * (air * vx + vy * vy)
+    return BodyForces(of_X, of_Y, of_th, cx, cy, thrust_power, haul_power, drag_power)
+
+
 class Trolley:
     """Car number `i`, whose front wheel is contact `k`."""
 
-    def __init__(self, car: Car, i: int, k: int) -> None:
+    def __init__(self, car: Car, i: int, k: int, gravity: float) -> None:
         assert car.wheels is not None
         self.car = car
         self.i = i
         self.k = k
-        self.wheels = car.wheels
-        self.ahead = car.wheels.ahead - 0.5 * car.wheels.base  # [m] of the centre of mass ahead of the front wheel
+        self.wheels = wheels = car.wheels
+        drive = car.drive
+        ahead = wheels.ahead - 0.5 * wheels.base  # [m] of the centre of mass ahead of the front wheel
+        body = [car.mass, drive.k, drive.wind, wheels.base, ahead, wheels.below, wheels.inertia]
+        angle = drive.thrust_angle
+        forces = [drive.hitch[1], *drive.thrust_at, math.cos(angle), math.sin(angle), gravity, drive.mu_r]
+        self.numbers = np.array(body + forces)
 
     def set_slots(self, body: Slots, force: int, xy: Slots, s: Slots, end_slopes: Array) -> None:
         """Slots of X and th, of F/M or -1; of x and y of the segments' nodes (K, nn, 2); of s of all contacts.
@@ -101,15 +160,10 @@ class Trolley:
 
     def set_wheel_points(self, z: Array) -> None:
         """Set the points of the wheels in q, v, a of all coordinates (3, ..., size)."""
-        base = self.wheels.base
-        th, rate, turning = z[..., self.body[2]]
-        cos = base * np.cos(th)
-        sin = base * np.sin(th)
-        x = [cos, -rate * sin, -turning * sin - rate**2 * cos]
-        y = [sin, rate * cos, turning * cos - rate**2 * sin]
+        base = np.array(base_with_rates(self.wheels.base, *z[..., self.body[2]]))
         rear, front = self.points
         z[..., front] = z[..., self.body[:2]]
-        z[..., rear] = z[..., front] - np.stack([x, y], axis=-1)
+        z[..., rear] = z[..., front] - np.moveaxis(base, 1, -1)
 
     def rope_slopes_at_wheels(self, q: Array) -> Array:
         """r' at the sides of both wheels (..., 4, 2), from all coordinates (..., size)."""
@@ -133,59 +187,24 @@ class Trolley:
 
         inputs : (INPUTS, ...), which may be complex;  cars : of all of them (..., cars).
         """
-        drive = self.car.drive
-        wheels = self.wheels
-        mass = self.car.mass
-        thrust = cars.thrust.T[self.i]
         sign = cars.sign.T[self.i]
         rear_brake = cars.rear_brake.T[self.i]
         front_brake = cars.brake.T[self.i] - rear_brake
-        y = inputs.tolist() if inputs.ndim == 1 else inputs  # plain numbers are faster
-        rear_row = y[8:10]
-        front_row = y[10:12]
-        th, X_v, Y_v, rate, X_a, Y_a, turning, force = y[12:]
-        cos = np.cos(th)
-        sin = np.sin(th)
-        cx = self.ahead * cos - wheels.below * sin  # c - X; n_c = (- cy, cx)
-        cy = self.ahead * sin + wheels.below * cos
-        vx = X_v - rate * cy
-        vy = Y_v + rate * cx
-        ax = X_a - turning * cy - rate * rate * cx
-        ay = Y_a + turning * cx - rate * rate * cy
-        air = vx - drive.wind
-        drag = -drive.k * np.sqrt(air * air + vy * vy + 1e-24)
-        haul = mass * force
-        haul_turns = -drive.hitch[1] * haul
-        up = math.sin(drive.thrust_angle)
-        level = math.cos(drive.thrust_angle)
-        thrust_x = thrust * (level * cos + up * sin)
-        thrust_y = thrust * (level * sin - up * cos)
-        along, down = drive.thrust_at
-        thrust_turns = -(along * up + down * level) * thrust
-        C_x = mass * ax - thrust_x - haul * cos - drag * air
-        C_y = mass * (ay - cars.gravity) - thrust_y - haul * sin - drag * vy
-        of_X = rear_row[0] + front_row[0] + C_x
-        of_Y = rear_row[1] + front_row[1] + C_y
-        rear_across = sin * rear_row[0] - cos * rear_row[1]
-        of_th = wheels.base * rear_across - cy * C_x + cx * C_y
-        of_th = of_th + wheels.inertia * turning - thrust_turns - haul_turns
-        rear = _wheel_forces(y[0:4], rear_row, drive.mu_r, rear_brake, sign)
-        front = _wheel_forces(y[4:8], front_row, drive.mu_r, front_brake, sign)
+        mu_r = self.car.drive.mu_r
+        body = body_forces(self.numbers, cars.thrust.T[self.i], inputs)
+        rear = wheel_forces(inputs[0:4], inputs[8:10], mu_r, rear_brake, sign)
+        front = wheel_forces(inputs[4:8], inputs[10:12], mu_r, front_brake, sign)
         hold = front.stretch * cars.hold.T[self.i]
-        along_wheels = cos * vx + sin * vy
-        thrust_power = thrust_x * vx + thrust_y * vy + thrust_turns * rate
-        haul_power = haul * along_wheels + haul_turns * rate
-        drag_power = drag * (air * vx + vy * vy)
         return TrolleyForces(
-            rows=(of_X, of_Y, of_th, -rear.friction, -front.friction - hold),
-            centre=(cx, cy),
+            rows=(body.of_X, body.of_Y, body.of_th, -rear.friction, -front.friction - hold),
+            centre=(body.centre_x, body.centre_y),
             loads=(rear.load, front.load),
             friction=(rear.friction, front.friction),
             hold=hold,
             stretch=front.stretch,
-            thrust=thrust_power,
-            haul=haul_power,
-            drag=drag_power,
+            thrust=body.thrust,
+            haul=body.haul,
+            drag=body.drag,
         )
 
     def add_tangent(

@@ -20,6 +20,7 @@ class Newton(NamedTuple):
     enough: float = math.inf
     halvings: int = 5
     bound: float = 0.0  # `Stepper` sets it
+    fast: float = 0.1  # rate of convergence with which the tangent of a step before serves the next one
 
     def needs_too_many_iterations(self, norm: float, norm_before: float, iterations: int) -> bool:
         """Whether |r|, falling at its present rate, is above the bound after `enough` iterations."""
@@ -29,9 +30,6 @@ class Newton(NamedTuple):
 
 
 STANDARD = Newton()
-
-
-FAST_ENOUGH = 0.1  # rate of convergence with which the tangent of a step before serves the next one
 
 
 class StepResult(NamedTuple):
@@ -75,7 +73,7 @@ def find_root(
         if converged or not norm < math.inf or newton.needs_too_many_iterations(norm, before, iterations):
             break
         new_tangent = norm > newton.reuse * before
-    serves = norm <= newton.bound and norm <= FAST_ENOUGH * before
+    serves = norm <= newton.bound and norm <= newton.fast * before
     return StepResult(norm, iterations, factorisations, residuals, serves)
 
 
@@ -113,9 +111,9 @@ def _correct_by_earlier_tangent(
         r = residual()
         norm = math.sqrt(r.dot(r))
         iterations += 1
-        if norm <= newton.bound and norm <= FAST_ENOUGH * max(before, newton.bound):
+        if norm <= newton.bound and norm <= newton.fast * max(before, newton.bound):
             subtract(solve(r))
-            return StepResult(norm, iterations, 0, iterations + 1, norm <= FAST_ENOUGH * before), True
+            return StepResult(norm, iterations, 0, iterations + 1, norm <= newton.fast * before), True
         if not norm < before:
             subtract(-correction)
         if not norm <= newton.reuse * before:

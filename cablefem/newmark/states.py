@@ -41,8 +41,10 @@ class Steps(NamedTuple):
     a: Array  # (m, s, n_dof) at the nodes, to be set; the first hold a guess
     extrapolation: Array  # (m, s, s) from a step's a to the next guess
 
-    def first_steps(self, m: int) -> "Steps":
-        return Steps(self.t[: m + 1], self.ends, self.a[:m], self.extrapolation)
+    def section(self, first: int, end: int) -> "Steps":
+        return Steps(
+            self.t[first : end + 1], self.ends[first : end + 1], self.a[first:end], self.extrapolation[first:end]
+        )
 
 
 class StateBlock(Sequence[State]):

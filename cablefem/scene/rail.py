@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,8 +31,9 @@ class Rail:
     s: float = 0.0  # [m] of the car at `begin`, from the saddle
     stretch: float = 1.0
 
-    def depth_with_derivatives(self, x: Any) -> tuple[Any, Any, Any]:
-        """Y, Y' and Y'' at x."""
+    @cached_property
+    def coefficients(self) -> tuple[float, ...]:
+        """c_k of Y = sum of c_k u^k, u = (x - x_begin)/L."""
         x0, y0, slope0, bend0 = self.begin
         x1, y1, slope1, bend1 = self.end
         L = x1 - x0
@@ -41,10 +43,13 @@ class Rail:
         D = y1 - y0 - c1 - c2
         E = slope1 * L - c1 - 2.0 * c2
         F = bend1 * L**2 - 2.0 * c2
-        c3 = 10.0 * D - 4.0 * E + 0.5 * F
-        c4 = -15.0 * D + 7.0 * E - F
-        c5 = 6.0 * D - 3.0 * E + 0.5 * F
-        u = (x - x0) / L
+        return y0, c1, c2, 10.0 * D - 4.0 * E + 0.5 * F, -15.0 * D + 7.0 * E - F, 6.0 * D - 3.0 * E + 0.5 * F
+
+    def depth_with_derivatives(self, x: Any) -> tuple[Any, Any, Any]:
+        """Y, Y' and Y'' at x."""
+        y0, c1, c2, c3, c4, c5 = self.coefficients
+        L = self.end.x - self.begin.x
+        u = (x - self.begin.x) / L
         Y = y0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
         first = c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))
         second = 2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5))

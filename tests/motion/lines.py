@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.motion import LineMotion
-from cablefem.newmark import State, System, integrate_blocks, scheme, step_times_by_phase
+from cablefem.newmark import Newton, State, System, integrate, integrate_blocks, scheme, step_times_by_phase
 from cablefem.scene.contacts import Car, Contact, Elastic, MovingLine
 from cablefem.scene.drive import Drive
 from cablefem.scene.motion import rest_motion
@@ -86,6 +86,13 @@ def states_by_radau(system: System, steps: int, start: State | None = None) -> l
     times = step_times_by_phase(system, steps)
     times[-1] = np.append(times[-1], system.phases[-1][1])
     return list(itertools.chain.from_iterable(integrate_blocks(system, scheme("radau"), times, start=start)))
+
+
+def last_of_equal_steps(system: System, start: State, dt: float, count: int) -> State:
+    """The state after so many exact steps by Radau."""
+    times: Any = {start.phase: start.t + dt * np.arange(count + 1)}
+    states = integrate(system, scheme("radau"), times, newton=Newton(tol=1e-9), start=start)
+    return list(itertools.islice(states, count))[-1]
 
 
 def run_and_observe(system: Any, steps: int, s: Any = (0.0,)) -> LineMotion:

@@ -13,7 +13,18 @@ from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car, MovingLine
 from cablefem.scene.drive import Drive
 from cablefem.scene.motion import Motion, Piece
-from tests.motion.lines import LEFT, Smooth, anchor, car, line, run_and_observe, saddle, spring, weight
+from tests.motion.lines import (
+    LEFT,
+    Smooth,
+    anchor,
+    car,
+    last_of_equal_steps,
+    line,
+    run_and_observe,
+    saddle,
+    spring,
+    weight,
+)
 from tests.motion.test_frequencies import frequencies
 from tests.motion.test_segments import SOFT
 
@@ -239,3 +250,12 @@ def test_compiled_loops_are_the_forms():
         np.testing.assert_allclose(r, want, rtol=0.0, atol=1e-11 * np.abs(want).max())
         b = np.random.default_rng(7).standard_normal(r.size) * c[0]
         np.testing.assert_allclose(solve(b.copy()), same(b), rtol=0.0, atol=1e-7 * np.abs(same(b)).max())
+
+
+def test_compiled_steps_are_those_of_the_forms():
+    last = []
+    for compiled in (True, False):
+        system, _ = system_and_random_state(compiled)
+        last.append(last_of_equal_steps(system, system.start(0, None), 0.02, 8))
+    for x, want in zip(last[0][1:4], last[1][1:4], strict=True):
+        np.testing.assert_allclose(x, want, rtol=0.0, atol=1e-8 * np.abs(want).max())

@@ -8,8 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
+from cablefem.elements.system import LineElements
+from cablefem.newmark import Work
 from cablefem.scene.line import Line
-from tests.motion.lines import OVER, broken_laws
+from tests.motion.lines import OVER, broken_laws, last_of_equal_steps
 from validation.commands.check.motion import compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns
 from validation.core.agreement import worst_deciding_verdict
@@ -95,3 +97,14 @@ def test_a_cabin_that_does_not_swing_over_the_tower_is_seen():
     assert not broken_laws(HAULED.to_toml(), sound)
     wrong = sound.map(lambda run: dataclasses.replace(run, motion=with_cabin_held(run.motion)))
     assert "moment of momentum of bodies" in broken_laws(HAULED.to_toml(), wrong)
+
+
+def test_compiled_steps_on_a_shoe_are_those_of_the_forms():
+    runs = line_runs(ELEMENTS, "hauled")
+    march = runs._march_one_system(ELEMENTS.system(runs.line, 2), None, runs.grid, Work())
+    fast, start = march.following
+    slow = LineElements(fast.line, elements=2, compiled=False)
+    slow.set_travel_directions(start.phase)
+    x, want = (last_of_equal_steps(system, start, 0.02, 8) for system in (fast, slow))
+    for of_x, of_want in zip(x[1:4], want[1:4], strict=True):
+        np.testing.assert_allclose(of_x, of_want, rtol=0.0, atol=1e-8 * np.abs(of_want).max())

@@ -8,20 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cablefem.elements.segment_kernels import balance
-from cablefem.newmark import Array
+from cablefem.elements.segment_kernels import balance, contacts, march
+from cablefem.newmark import Array, Newton, Steps, Tableau
 
 if TYPE_CHECKING:
     from cablefem.elements.bodies import CarLoadsAndMasses
-    from cablefem.elements.bordered import BandMatrix
-    from cablefem.elements.segments import Segments
+    from cablefem.elements.bordered import BandFactors, BandMatrix
+    from cablefem.elements.line_balance import LineBalance
+
+TROLLEY_DATA = [4, 5, 6, 7, 13]  # numbers of `contacts.Trolleys.data` in `CarLoadsAndMasses`
 
 
 class Kernel:
-    """Rows and tangent of segments and of cars on one contact each."""
+    """Rows and tangent of segments and of cars on one contact each; steps of whole lines without cars off the rope."""
 
-    def __init__(self, segments: Segments, cars: Any, contacts: Any, slots: Sequence[Any], gravity: float) -> None:
-        """cars : their numbers among all;  contacts : theirs;  slots : of F/M and of phi of these cars, or -1."""
+    def __init__(self, system: LineBalance) -> None:
+        segments = system.segments
         points = segments.xi.size // segments.elements
         first = segments.dofs[0]
         phi = np.ascontiguousarray(segments.values[:points, first])
@@ -31,26 +33,56 @@ class Kernel:
         weights = segments.weights[:points].copy()
         self.mesh = balance.Mesh(phi, phi_xi, weights, xi, dofs, segments.end_slopes)
         self.rope = balance.Rope(segments.rho, segments.q)
-        self.cars = cars
-        self.contacts = contacts
-        self.gravity = float(gravity)
-        self.forces, self.swings = slots
-        self._known: tuple[Any, Any] = None, None  # the last data, and as an array
+        self.cars = np.array(system.point_cars, int)
+        car_contacts = np.array(system.car_contacts, int)
+        self.contacts = car_contacts[self.cars]
+        swings = np.full(car_contacts.size, -1)
+        swings[system.of_swing] = system.swing
+        self.swings = swings[self.cars]
+        self.forces = system._force_slots[self.cars]
+        self.gravity = float(system.line.gravity)
+        self.trolleys = np.array([trolley.i for trolley in system.trolleys], int)
+        self._known: tuple[Any, Any] = None, None  # the last data, and as arrays
+        self._set_contacts(system)
+
+    def _set_contacts(self, system: LineBalance) -> None:
+        """Set what else touches the rope."""
+        springs = [(slots, stiffness, spring.point) for slots, stiffness, spring in system.springs]
+        slots, stiffness, unloaded = np.array(springs).reshape(-1, 3, 2).swapaxes(0, 1).reshape(3, -1)
+        weights = np.array([slot for slot, _ in system.weights], int)
+        numbers = np.array([system.counterweight_numbers(k) for _, k in system.weights]).reshape(-1, 5)
+        self.supports = contacts.Supports(slots.astype(int), stiffness, unloaded, weights, numbers)
+        trolleys = system.trolleys
+        self.on_wheels = (
+            np.array([trolley.k for trolley in trolleys], int),
+            np.array([trolley.body for trolley in trolleys], int).reshape(-1, 3),
+            np.array([trolley.force for trolley in trolleys], int),
+            np.array([trolley.numbers for trolley in trolleys]).reshape(-1, 14),
+        )
+        self.rails = contacts.Rails(
+            np.array([x for x, _ in system.rails], int),
+            np.array([rail.begin.x for _, rail in system.rails]),
+            np.array([rail.end.x - rail.begin.x for _, rail in system.rails]),
+            np.array([rail.coefficients for _, rail in system.rails]).reshape(-1, 6),
+        )
+        self.force_rows = np.stack([system.force, system.force_rows], axis=1)
 
     def _line(self, law: Array, cars: CarLoadsAndMasses) -> balance.Line:
-        return balance.Line(self.mesh, self.rope, law, self._kernel_cars(cars))
+        return balance.Line(self.mesh, self.rope, law, self._car_data(cars)[0])
 
-    def _kernel_cars(self, cars: CarLoadsAndMasses) -> balance.Cars:
+    def _car_data(self, cars: CarLoadsAndMasses) -> tuple[balance.Cars, contacts.Trolleys]:
         """The cars with their data, made once if the same `cars` come again."""
         if cars is self._known[0]:
             return self._known[1]
         shape = (cars.thrust + cars.hold).shape
-        data = np.empty((*shape, 12))
-        for i, values in enumerate(cars[:12]):
+        data = np.empty((*shape, len(cars)))
+        for i, values in enumerate(cars):
             data[..., i] = values
-        instants = math.prod(shape[:-1])
-        data = data.reshape(instants, shape[-1], 12)[:, self.cars]
-        self._known = cars, balance.Cars(self.contacts, self.forces, self.swings, self.gravity, data)
+        data = data.reshape(math.prod(shape[:-1]), shape[-1], len(cars))
+        points = np.ascontiguousarray(data[:, self.cars, :12])
+        trolleys = np.ascontiguousarray(data[:, self.trolleys][..., TROLLEY_DATA])
+        on_one = balance.Cars(self.contacts, self.forces, self.swings, self.gravity, points)
+        self._known = cars, (on_one, contacts.Trolleys(*self.on_wheels, trolleys))
         return self._known[1]
 
     def add_rows_and_set_loads(
@@ -73,3 +105,22 @@ class Kernel:
         at = balance.Coordinates(*x)
         band = balance.Band(matrix.ab, matrix.columns, matrix.rows, matrix.corner)
         balance.add_tangent(self._line(law, cars), at, tuple(factors.tolist()), band)
+
+    def take_steps_with_factors(
+        self, law: Array, cars: CarLoadsAndMasses, unknowns: tuple[Any, Any], factors: Sequence[BandFactors],
+        steps: Steps, prescribed: Array, rule: Tableau, newton: Newton,
+    ) -> tuple[int, Array]:  # fmt: skip
+        """Take m steps with the factors of a step before; return how many converged, and the results of all tried.
+
+        cars : at all nodes of all steps;  prescribed : coordinates with rates there (3, m, s, size).
+        unknowns : see `march.Unknowns`.
+        """
+        on_one, trolleys = self._car_data(cars)
+        line = balance.Line(self.mesh, self.rope, law, on_one)
+        whole = contacts.Contacts(line, self.supports, trolleys, self.rails, self.force_rows)
+        results = np.zeros((prescribed.shape[1], 5))
+        kernel_steps = march.Steps(*steps, prescribed, results)
+        of_modes = [x.inverted_diagonal() for x in factors]
+        stacked = march.Factors(*(np.array(x) for x in zip(*of_modes, strict=True)))
+        taken = march.take_steps_with_factors(whole, march.Unknowns(*unknowns), stacked, kernel_steps, rule, newton)
+        return taken, results[: taken + 1]

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.compiled import compiling_decorator
+from cablefem.elements import bodies
 from cablefem.newmark import Array
 
-compiled = compiling_decorator(__file__)
-inner = compiling_decorator(__file__, inner=True)
+compiled = compiling_decorator(bodies.__file__)
+inner = compiling_decorator(bodies.__file__, inner=True)
 INPUTS = 12  # of `set_car_forces`, see `bodies`
 
 
@@ -198,26 +199,32 @@ def set_car_forces(car: Array, gravity: float, y: Array, out: Array) -> None:
 
 
 @inner
+def set_slope_at_end(line: Line, q: Array, segment: int, end: int, out: Array) -> None:
+    """Set the first two of out to r' at the left or the right end, 0 or 1, of a segment."""
+    mesh = line.mesh
+    S = first_slot_of_s(line)
+    h = q[S + segment + 1] - q[S + segment]
+    first = 2 * segment * (mesh.ends.shape[1] - 1)
+    out[0] = 0.0
+    out[1] = 0.0
+    for node in mesh.dofs[-end]:
+        for axis in range(2):
+            out[axis] += mesh.ends[end, node] * q[first + 2 * node + axis] / h
+
+
+@inner
 def set_slopes_and_motion_at_car(line: Line, j: int, at: Coordinates, y: Array) -> None:
     """Set y (INPUTS,), the inputs of `bodies.forces_on_cars`, for car j."""
-    mesh = line.mesh
     cars = line.cars
     q, v, a = at
     k = cars.contacts[j]
     force = cars.forces[j]
     swing = cars.swings[j]
-    nn = mesh.ends.shape[1]
-    S = first_slot_of_s(line)
     y[:] = 0.0
     for side in range(2):  # behind, ahead
-        segment = k - 1 + side
-        shapes = mesh.ends[1 - side]
-        h = q[S + segment + 1] - q[S + segment]
-        for i in range(nn):
-            for x in range(2):
-                y[2 * side + x] += shapes[i] * q[2 * (segment * (nn - 1) + i) + x] / h
+        set_slope_at_end(line, q, k - 1 + side, 1 - side, y[2 * side :])
     for x in range(2):
-        slot = 2 * k * (nn - 1) + x
+        slot = 2 * k * (line.mesh.ends.shape[1] - 1) + x
         y[4 + x] = v[slot]
         y[6 + x] = a[slot]
     if force >= 0:

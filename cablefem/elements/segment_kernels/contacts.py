@@ -1,0 +1,172 @@
+"""Compiled rows of all that touches the rope: of a whole line at one instant."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablefem.elements import trolley
+from cablefem.elements.segment_kernels.balance import (
+    Coordinates,
+    Line,
+    add_car_rows_and_set_loads,
+    add_rope_rows_return_min_tension,
+    first_slot_of_s,
+    inner,
+    set_slope_at_end,
+)
+from cablefem.newmark import Array
+
+Slots = NDArray[np.int64]
+
+wheel_forces = inner(trolley.wheel_forces)
+body_forces = inner(trolley.body_forces)
+base_with_rates = inner(trolley.base_with_rates)
+
+
+class Supports(NamedTuple):
+    """Springs (m,), one for each direction, and counterweights (n,)."""
+
+    springs: Slots  # of x or y
+    stiffness: Array
+    unloaded: Array  # x or y
+    weights: Slots  # of s
+    numbers: Array  # (n, 5) G, e, m (1 + G/EA), q y of the pulley, EA
+
+
+class Trolleys(NamedTuple):
+    """Cars on two wheels (m,)."""
+
+    contacts: Slots  # of the front wheel
+    bodies: Slots  # (m, 3) of X and th
+    forces: Slots  # of F/M, or -1
+    numbers: Array  # (m, 14) see `trolley.body_forces`
+    data: Array  # (1 or instants, m, 5) thrust, brake, hold, sign, rear brake
+
+
+class Rails(NamedTuple):
+    """Cars on rails over shoes (m,)."""
+
+    points: Slots  # of x
+    begin: Array  # [m] x
+    length: Array  # [m] in x
+    coefficients: Array  # (m, 6) see `Rail.coefficients`
+
+
+class Contacts(NamedTuple):
+    """A rope and all that touches it."""
+
+    line: Line
+    supports: Supports
+    trolleys: Trolleys
+    rails: Rails
+    forces: Slots  # (f, 2) of F/M and of the row that determines it
+
+
+@inner
+def set_dependent_coordinates(line: Contacts, z: Array) -> None:
+    """Let wheels follow their cars, and cars on shoes their rails, in coordinates with rates z (3, size)."""
+    trolleys = line.trolleys
+    rails = line.rails
+    per_contact = 2 * (line.line.mesh.ends.shape[1] - 1)
+    for j in range(trolleys.contacts.size):
+        front = per_contact * trolleys.contacts[j]
+        x = trolleys.bodies[j, 0]
+        th = trolleys.bodies[j, 2]
+        base = base_with_rates(trolleys.numbers[j, 3], z[0, th], z[1, th], z[2, th])
+        for k in range(3):
+            for axis in range(2):
+                z[k, front + axis] = z[k, x + axis]
+                z[k, front - per_contact + axis] = z[k, x + axis] - base[k][axis]
+    for j in range(rails.points.size):
+        x = rails.points[j]
+        Y, slope, bend = depth_with_derivatives(rails, j, z[0, x])
+        z[0, x + 1] = Y
+        z[1, x + 1] = slope * z[1, x]
+        z[2, x + 1] = slope * z[2, x] + bend * z[1, x] ** 2
+
+
+@inner
+def depth_with_derivatives(rails: Rails, j: int, x: float) -> tuple[float, float, float]:
+    """Y, Y' and Y'' of rail j at x."""
+    L = rails.length[j]
+    u = (x - rails.begin[j]) / L
+    Y = 0.0
+    first = 0.0
+    half_second = 0.0
+    for k in range(5, -1, -1):
+        half_second = half_second * u + first
+        first = first * u + Y
+        Y = Y * u + rails.coefficients[j, k]
+    return Y, first / L, 2.0 * half_second / L**2
+
+
+@inner
+def set_rows_and_loads(line: Contacts, i: int, z: Array, rows: Array, loads: Array) -> None:
+    """Set the rows (size,) at instant i, and `loads_and_min_tension` of `balance.add_rows_and_set_loads`.
+
+    z : all coordinates with rates (3, size).
+    """
+    at = Coordinates(z[0], z[1], z[2])
+    rows[:] = 0.0
+    loads[-1] = add_rope_rows_return_min_tension(line.line, at, rows)
+    add_car_rows_and_set_loads(line.line, i, at, rows, loads)
+    add_support_rows(line, at, rows)
+    for j in range(line.trolleys.contacts.size):
+        add_trolley_rows(line, i, j, at, rows)
+    for j in range(line.rails.points.size):
+        x = line.rails.points[j]
+        rows[x] += depth_with_derivatives(line.rails, j, at.q[x])[1] * rows[x + 1]
+    for j in range(line.forces.shape[0]):
+        rows[line.forces[j, 0]] = rows[line.forces[j, 1]]
+
+
+@inner
+def add_support_rows(line: Contacts, at: Coordinates, rows: Array) -> None:
+    """Add springs and counterweights, see `LineBalance.counterweight_row`."""
+    supports = line.supports
+    for i in range(supports.springs.size):
+        slot = supports.springs[i]
+        rows[slot] += supports.stiffness[i] * (at.q[slot] - supports.unloaded[i])
+    for i in range(supports.weights.size):
+        slot = supports.weights[i]
+        force, sign, mass, height, EA = supports.numbers[i]
+        N = force + sign * mass * at.a[slot]
+        speed = at.v[slot] * (1.0 + N / EA)
+        kinetic = 0.5 * line.line.rope.rho * speed**2
+        rows[slot] += sign * (N + N**2 / (2.0 * EA) + (height - kinetic))
+
+
+@inner
+def add_trolley_rows(line: Contacts, i: int, j: int, at: Coordinates, rows: Array) -> None:
+    """Add the rows of the car j on two wheels at instant i, see `trolley`."""
+    trolleys = line.trolleys
+    front = trolleys.contacts[j]
+    per_contact = 2 * (line.line.mesh.ends.shape[1] - 1)
+    thrust, brake, hold, sign, rear_brake = trolleys.data[min(i, trolleys.data.shape[0] - 1), j]
+    y = np.zeros(trolley.INPUTS)
+    for wheel in range(2):
+        contact = front - 1 + wheel
+        for side in range(2):
+            set_slope_at_end(line.line, at.q, contact - 1 + side, 1 - side, y[4 * wheel + 2 * side :])
+        for axis in range(2):
+            y[8 + 2 * wheel + axis] = rows[per_contact * contact + axis]
+    body = trolleys.bodies[j]
+    y[12] = at.q[body[2]]
+    for axis in range(3):
+        y[13 + axis] = at.v[body[axis]]
+        y[16 + axis] = at.a[body[axis]]
+    if trolleys.forces[j] >= 0:
+        y[19] = at.a[trolleys.forces[j]]
+    numbers = trolleys.numbers[j]
+    forces = body_forces(numbers, thrust, y)
+    rows[body[0]] += forces.of_X
+    rows[body[1]] += forces.of_Y
+    rows[body[2]] += forces.of_th
+    rear = wheel_forces(y[0:4], y[8:10], numbers[13], rear_brake, sign)
+    ahead = wheel_forces(y[4:8], y[10:12], numbers[13], brake - rear_brake, sign)
+    S = first_slot_of_s(line.line)
+    rows[S + front - 1] -= rear.friction
+    rows[S + front] -= ahead.friction + ahead.stretch * hold
