@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -166,6 +167,39 @@ def test_pages_are_drawn_without_a_solver(small_chart, monkeypatch):
     assert "seconds of the time loop" in sections["chart-path"].html
     assert "steps × unknowns" in sections["chart-work"].html
     assert "central-difference" in sections["chart-failed"].html
+
+
+def test_a_chart_ends_within_its_budget_whatever_runs_take_beside_their_time_loop(monkeypatch, tmp_path):
+    now = [0.0]  # [s] by the clock
+
+    def slow_run(timer, settings):
+        now[0] += 0.3
+        return {"status": "failed" if timer.series.kind == "peer" else "ok", "path_error": 0.1, "wait": None}, 1e-3
+
+    def slow_reference(scene, stored, seconds):
+        now[0] += 4.0
+        return study._Reference(None, (0.02, 0.8), {"path_error": 1e-6, "settings": {}})
+
+    monkeypatch.setattr(study, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    monkeypatch.setattr(study._Reference, "compute", slow_reference)
+    monkeypatch.setattr(study._SeriesTimer, "_time_run", slow_run)
+    monkeypatch.setattr(study._SeriesTimer, "_time_command", slow_run)
+    monkeypatch.setattr(study._SeriesTimer, "_time_peer_run", slow_run)
+    monkeypatch.setattr(study, "fastest_methods_at_error", lambda rows, error: {})
+    monkeypatch.setattr(study, "iteration_cost_over_bare_solve", lambda scene: {})
+    found = study.chart(LEVEL, tmp_path, budget=20.0)
+    assert 10.0 < now[0] < 20.6  # a run that has begun is ended
+    assert {"ok", "not run"} <= {row["status"] for row in found["rows"]}
+
+
+def test_a_small_budget_has_a_coarser_reference_that_says_so(monkeypatch):
+    monkeypatch.setattr(study, "REFERENCE", ("following-p4", {"elements": 16, "steps": 800}))
+    monkeypatch.setattr(study, "WITNESS", ("fourier-kink", {"terms": 24, "steps": 800}))
+    coarse = study._Reference.compute(LEVEL, None, 0.0)
+    assert coarse.stored["settings"] == {"elements": 4, "steps": 200}
+    fine = study._Reference.compute(LEVEL, coarse.stored, 1e6)  # what an earlier call stored is not for it
+    assert fine.stored["settings"] == {"elements": 16, "steps": 800}
+    assert fine.stored["path_error"] < coarse.stored["path_error"]
 
 
 # --- what is read off -------------------------------------------------------------------------------------------------

@@ -16,7 +16,9 @@ EXAMPLE = "cablefem chart level"
 
 def command(
     scene: SceneName,
-    budget: Annotated[float, typer.Option(metavar="S", min=1.0, help="Seconds for all runs together.")] = 240.0,
+    budget: Annotated[
+        float, typer.Option(metavar="S", min=1.0, help="Seconds for all runs; then the page is drawn.")
+    ] = 240.0,
     out: Out = None,
 ) -> int:
     """Chart speed against accuracy of every method on a scene, or of both solvers on a line in motion.

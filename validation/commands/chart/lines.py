@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from time import process_time
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -40,7 +40,7 @@ def chart_line(
     """Write chart.json of a line in motion.
 
     ladder : multiples of the coarsest resolution and of the fewest steps;  the reference has twice the largest.
-    budget : [s] for all runs; half of it is the reference's, and a line of the chart that has spent its share leaves
+    budget : [s] by the clock; half of it is the reference's, and a line of the chart that has spent its share leaves
         rows "not run".
     """
     report("reference", 0.0)
@@ -82,16 +82,19 @@ class _Reference:
 
     @classmethod
     def compute(cls, line: Line, runs: LineRuns, finest: int, seconds: float) -> _Reference:
-        """The finest run that the processor time allows; its error is its distance from one twice as coarse.
+        """The finest run that the time allows; its error is its distance from one twice as coarse.
 
         runs : of elements;  finest : largest multiple of both settings.
         The witness is the sines' run of half these multiples.
         """
         finer = 2
+        begin = perf_counter()
         run = runs.run(finer, finer)
-        while finer < finest and DOUBLED * run.seconds < seconds:
+        spent = perf_counter() - begin
+        while finer < finest and DOUBLED * spent < seconds:
             finer *= 2
             run = runs.run(finer, finer)
+            spent = perf_counter() - begin
         half = finer // 2
         reference = cls(run, reference_scales(line, run), {})
         stored: Row = {"method": run.method, "settings": run.settings}
@@ -138,7 +141,7 @@ def _mean_tension(moved: LineRun, contact: int, end: float) -> Array:
 def _rows_of_series(
     series: Series, solver: LineRuns, ladder: Sequence[Factors], reference: _Reference, seconds: float
 ) -> Iterator[Row]:
-    """Rows of one line of the chart, while the next run is likely to fit into the processor time."""
+    """Rows of one line of the chart, while the next run is likely to fit into the time."""
     name = solver.method.setting
     spent = 0.0
     last = 0.0
@@ -147,9 +150,9 @@ def _rows_of_series(
         if spent + 2.0 * last > seconds:
             yield series.chart_row(settings, status="not run", reason="more than its share of the time")
             continue
-        begin = process_time()
+        begin = perf_counter()
         row = _row_or_failure(series, settings, partial(solver.run, space, time), reference)
-        last = process_time() - begin
+        last = perf_counter() - begin
         spent += last
         yield row
 

@@ -96,13 +96,18 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
     """Write chart.json; go on with an earlier one.
 
     repeats : separate timed runs of each setting.
-    budget : [s] for all runs; a line of the chart that has spent its share leaves rows "not run".
+    budget : [s] by the clock, the reference included; a line of the chart that has spent its share of what remains
+        leaves rows "not run".
     """
+    end = time.perf_counter() + budget
     path = out / "chart.json"
     before = store.read_json_or_empty(path, scene_toml=scene.to_toml())
     report("reference", 0.0)
-    reference = _Reference.compute(scene, before.get("reference"))
-    rows: list[Row] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
+    earlier = before.get("reference")
+    reference = _Reference.compute(scene, earlier, 0.4 * budget)
+    rows: list[Row] = []
+    if earlier and earlier["settings"] == reference.stored["settings"]:
+        rows += [r for r in before["rows"] if r["status"] not in ("not run", "not installed")]
     todo = list(chart_series(scene.groups))
     content: Row = {"scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode}
     content |= {
@@ -111,17 +116,22 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
         "reference": reference.stored,
         "rows": rows,
     }
+    weights = [4.0 if series.kind == "peer" else 1.0 for series in todo]  # other codes are slow
     for i, series in enumerate(todo):
         report(series.name, 0.05 + 0.85 * i / len(todo))
-        share = (6.0 if series.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
-        rows += _SeriesTimer(scene, series, reference).run_for_missing_rows(rows, repeats, share)
+        share = weights[i] / sum(weights[i:])
+        max_seconds = share * (end - time.perf_counter())
+        rows += _SeriesTimer(scene, series, reference).run_for_missing_rows(rows, repeats, max_seconds)
         if series.kind == "peer":
             rows += _missing_full_program_rows(series.name, rows)
         write_json(path, content)
     if scene.groups.drive.mode == "grip":
         report("cost of a step", 0.9)
-        content["floor"] = before.get("floor") or iteration_cost_over_bare_solve(scene)
-    content["fastest"] = [fastest_methods_at_error(rows, error) for error in SETTINGS["decades"]]
+        content["floor"] = before.get("floor")
+        if content["floor"] is None and time.perf_counter() < end:
+            content["floor"] = iteration_cost_over_bare_solve(scene)
+    floor = reference.stored["path_error"] or 0.0  # no smaller error can be read off
+    content["fastest"] = [fastest_methods_at_error(rows, error) for error in SETTINGS["decades"] if error >= floor]
     write_json(path, content)
     report("done", 1.0)
     return content
@@ -197,20 +207,31 @@ class _Reference:
     stored: Row
 
     @classmethod
-    def compute(cls, scene: Scene, stored: Row | None) -> _Reference:
-        """Run the reference; its error is that in `stored`, else by coarser runs and the other solver.
+    def compute(cls, scene: Scene, stored: Row | None, seconds: float) -> _Reference:
+        """Run the reference, as fine as the time allows; its error is by coarser runs and the other solver.
 
+        stored : an earlier one, whose error holds if the settings are the same;  seconds : by the clock.
         Raises ValueError if the reference ends early.
         """
         stop = stop_position_unless_free(scene)
-        name, settings = REFERENCE if stop else REFERENCE_OF_RIDES
-        reference = run(scene, name, until=stop, **settings)
-        complete = not reference.reason if stop is None else reference.reached >= stop
+        name, finest = REFERENCE if stop else REFERENCE_OF_RIDES
+        shares = (1.0,) if stored and stored["settings"] == finest else (0.25, 0.5, 1.0)
+        end = time.perf_counter() + seconds
+        for share in shares:
+            settings = _scaled_settings(finest, share)
+            begin = time.perf_counter()
+            reference = run(scene, name, until=stop, **settings)
+            complete = not reference.reason if stop is None else reference.reached >= stop
+            now = time.perf_counter()
+            # four times as much work, its coarser runs and the other solver
+            if complete and now + 12.0 * (now - begin) > end:
+                break
         if not complete and reference.slack_onset is None:
             raise ValueError(f"the chart's reference stopped at s_o/l = {reference.reached:.3f}: {reference.reason}")
         window = measures.common_window(reference)
-        if stored is None:
-            other = run(scene, WITNESS[0], until=stop, **WITNESS[1])
+        if stored is None or stored["settings"] != settings:
+            witness_settings = _scaled_settings(WITNESS[1], share)
+            other = run(scene, WITNESS[0], until=stop, **witness_settings)
             try:
                 witness = measures.relative_path_gap(other, reference, window).largest
             except NotComparable:
@@ -218,7 +239,7 @@ class _Reference:
             bars = run_with_error_bars(scene, name, earlier_runs=[reference], until=stop, **settings).finest
             stored = {"method": name, "settings": settings}
             stored |= {"path_error": bars.path_error, "tension_error": bars.tension_error}
-            stored |= {"witness": WITNESS[0], "witness_settings": WITNESS[1], "witness_path": witness}
+            stored |= {"witness": WITNESS[0], "witness_settings": witness_settings, "witness_path": witness}
             stored |= {"max_deflection": reference.max_deflection, "slack_onset": reference.slack_onset}
         return cls(reference, window, stored)
 
@@ -259,6 +280,11 @@ class _Reference:
         return {"path_error": float(gap.max()), "path_rms": float(np.sqrt(np.mean(gap**2)))}
 
 
+def _scaled_settings(settings: Settings, share: float) -> Settings:
+    """Settings with a share of all their numbers."""
+    return {name: x if isinstance(x, str) else round(share * x) for name, x in settings.items()}
+
+
 def stop_position_unless_free(scene: Scene) -> float | None:
     """Last s_o/l of runs; None for a free ride."""
     return None if scene.groups.drive.mode == "free" else STOP
@@ -273,41 +299,51 @@ class _SeriesTimer:
     reference: _Reference
 
     def run_for_missing_rows(self, rows: list[Row], repeats: int, max_seconds: float) -> list[Row]:
-        """Run the settings that have no row, while the next run is likely to fit into the time."""
+        """Run the settings that have no row, while the next run is likely to fit into the time.
+
+        max_seconds : by the clock; the first run has no earlier one that says what it takes, and may take longer.
+        """
         series = self.series
         done = [r["settings"] for r in rows if r["series"] == series.name]
         refused = series.refused_row(self.scene)
         if refused is not None:
             return [] if {} in done else [refused]
         missing = [x for x in series.rungs if x not in done]
-        if missing and series.kind not in ("tolerance", "waiting", "peer"):
+        begin = time.perf_counter()
+
+        def remaining() -> float:
+            return begin + max_seconds - time.perf_counter()
+
+        if missing and remaining() > 0.0 and series.kind not in ("tolerance", "waiting", "peer"):
             self.repeat_and_keep_fastest(missing[0], 1, 0.0)  # the first run may compile
         new = []
-        last = 0.0
-        remaining = max_seconds
+        run_seconds = 0.0
         for settings in missing:
-            if last <= remaining:
-                begin = time.perf_counter()
-                row = self.repeat_and_keep_fastest(settings, max(1, repeats), remaining)
-                remaining -= time.perf_counter() - begin
-                last = row["seconds"] or 0.0
+            before = remaining()
+            if before > run_seconds:
+                row = self.repeat_and_keep_fastest(settings, max(1, repeats), before)
+                run_seconds = (before - remaining()) / (row["repeats"] or 1)
             else:
                 row = series.chart_row(settings, status="not run", reason="more than its share of the time")
             new.append(row)
         return new
 
     def repeat_and_keep_fastest(self, settings: Settings, repeats: int, max_seconds: float) -> Row:
-        """The row of a run: the best of separate repeats and their spread (slowest over best), as time [s] allows.
+        """The row of a run: the best of separate repeats and their spread (slowest over best).
 
-        Short runs are repeated more often.
+        Repeats end before `max_seconds` by the clock; short runs are repeated more often.
         """
+        begin = time.perf_counter()
         time_once = {"peer": self._time_peer_run, "waiting": self._time_command}.get(self.series.kind, self._time_run)
         try:
             results, first = time_once(settings)
         except (ValueError, TooCoarse) as error:
             return self.series.chart_row(settings, status="failed", reason=str(error))
         seconds = [first]
-        while results["status"] == "ok" and sum(seconds) + first < max_seconds:
+        while results["status"] == "ok":
+            spent = time.perf_counter() - begin
+            if spent + spent / len(seconds) > max_seconds:
+                break
             if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > 0.2):
                 break
             seconds.append(time_once(settings)[1])
