@@ -16,6 +16,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from pandas import DataFrame
 
 from cablefem import catenary_line
 from cablefem.scene import Scene, SceneError
@@ -23,7 +24,7 @@ from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
 from validation import cli, run
 from validation.commands.sweep import engine, job
-from validation.commands.sweep.page import sections
+from validation.commands.sweep.page import _split_by_axis, sections
 from validation.commands.sweep.study import Study, built_in_studies
 from validation.core.agreement import Agreement, Bound, Verdict
 from validation.core.store import Refused
@@ -210,6 +211,22 @@ def test_the_page_of_planted_faults_counts_verdicts_by_fault(tmp_path, monkeypat
     assert "mass.mass +1 %" in sections(tmp_path)[0].html
 
 
+def test_a_third_axis_of_small_values_is_cut_into_parts_by_values_of_its_scenes():
+    """A map was headed 0.00418 to 0.0245 where no scene has less than 0.005."""
+    friction = np.linspace(0.005, 0.065, 24)
+    parts = _split_by_axis(DataFrame({"drive.rolling_friction": friction}), "drive.rolling_friction")
+    assert [title for title, _ in parts] == ["0.00500 to 0.0233", "0.0259 to 0.0441", "0.0467 to 0.0650"]
+    assert sum(len(part) for _, part in parts) == 24
+
+
+def test_a_scene_of_a_folder_with_a_blank_has_a_command_that_can_be_given(tmp_path):
+    folder = tmp_path / "two words"
+    study = study_of_count(1)
+    engine.write_rows(folder, study, [job.row_of_point(study, 0, study.point(0))])
+    (folder / "study.toml").write_text(study.to_toml(), encoding="utf-8")
+    assert f'"study": "\'{folder}/study.toml\'"' in sections(folder)[-1].html
+
+
 def test_a_method_that_cannot_roll_is_a_row():
     study = Study.from_table({"scene": "zipline", "method": "fixed-hermite", "vary": {"mass.mass": [80.0]}})
     row = job.row_of_point(study, 0, study.point(0))
@@ -326,7 +343,7 @@ def test_an_interrupt_ends_a_sweep_at_once_while_workers_start_and_while_they_co
 
 def test_a_changed_study_in_a_used_folder_is_refused(tmp_path, dask_cluster):
     engine.sweep(study_of_count(2), tmp_path, **dask_cluster)
-    with pytest.raises(Refused, match="another study"):
+    with pytest.raises(Refused, match=r"another study \(other: sample\); nothing was written"):
         engine.sweep(study_of_count(3), tmp_path, **dask_cluster)
 
 

@@ -213,8 +213,12 @@ def _lock_folder(out: Path) -> Iterator[None]:
 def _store_or_refuse_study(study: Study, out: Path) -> None:
     """Store the study beside its rows; raise Refused where another one is stored."""
     file = out / "study.toml"
-    if file.is_file() and _entries_that_change_rows(Study.load(file)) != _entries_that_change_rows(study):
-        raise Refused(f"{out} holds rows of another study; nothing was written; choose another folder with --out")
+    if file.is_file():
+        stored = _entries_that_change_rows(Study.load(file))
+        differ = [name for name, value in _entries_that_change_rows(study).items() if value != stored[name]]
+        if differ:
+            of = f"{out} holds rows of another study (other: {', '.join(differ)})"
+            raise Refused(f"{of}; nothing was written; choose another folder with --out")
     (out / "rows").mkdir(exist_ok=True)
     write_text(file, study.to_toml())
 

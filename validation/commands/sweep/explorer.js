@@ -5,6 +5,7 @@
   const canvas = document.getElementById("sweep-lines"), pen = canvas.getContext("2d");
   const top = 46, bottom = 318, gap = 92, left = 50;
   const axes = data.columns;
+  let chosenAxis = -1;  // by keys
   canvas.width = Math.max(640, left + gap * axes.length);
   for (const axis of axes) {
     const known = axis.values.filter(x => x !== null);
@@ -47,7 +48,9 @@
       const x = left + k * gap;
       pen.strokeStyle = pen.fillStyle = "#1a1a1a"; pen.lineWidth = 1;
       pen.beginPath(); pen.moveTo(x, top); pen.lineTo(x, bottom); pen.stroke();
-      pen.fillText(a.name.replace("reaction", "react").slice(0, 24), x, k % 2 ? 12 : 26);
+      pen.font = k === chosenAxis ? "bold 11px sans-serif" : "11px sans-serif";
+      pen.fillText(a.name.length > 28 ? a.name.slice(0, 27) + "…" : a.name, x, k % 2 ? 12 : 26);
+      pen.font = "11px sans-serif";
       pen.fillText(short(a.words ? a.words[a.high | 0] ?? "" : a.high), x, top - 6);
       pen.fillText(short(a.words ? a.words[Math.ceil(a.low)] ?? "" : a.low), x, bottom + 14);
       if (a.brush) {
@@ -63,7 +66,7 @@
 
   function list(chosen, count) {
     document.getElementById("sweep-count").textContent = `${count} of ${data.index.length} scenes; the first ${Math.min(100, count)} below. `
-      + "A scene's command makes it alone.";
+      + "A scene's command prints it as TOML.";
     const table = document.createElement("table"), head = table.createTHead().insertRow();
     cell(head, "th", "scene");
     axes.forEach(a => cell(head, "th", a.name)); cell(head, "th", "command");
@@ -80,6 +83,18 @@
     }
     document.getElementById("sweep-table").replaceChildren(table);
   }
+
+  canvas.addEventListener("keydown", event => {
+    const step = {ArrowUp: .05, ArrowDown: -.05}[event.key], turn = {ArrowRight: 1, ArrowLeft: -1}[event.key];
+    if (turn) chosenAxis = Math.min(axes.length - 1, Math.max(0, chosenAxis + turn));
+    const axis = axes[chosenAxis], [low, high] = axis?.brush ?? [0, 1];
+    if (step && axis) axis.brush = event.shiftKey ? [low, Math.min(1, Math.max(low, high + step))] : [Math.min(high, Math.max(0, low + step)), high];
+    else if (event.key === "Delete" && axis) axis.brush = null;
+    else if (!turn) return;
+    event.preventDefault();
+    canvas.parentElement.scrollLeft = (left + gap * chosenAxis) * canvas.clientWidth / canvas.width - canvas.parentElement.clientWidth / 2;
+    draw();
+  });
 
   let drag = null;
   const at = event => {

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import shlex
 import textwrap
 from collections.abc import Iterator
 from functools import cache
@@ -172,6 +173,10 @@ def _draw_map(rows: DataFrame, quantity: str, axes: list[str], log_axes: set[str
         slack = part[part["slack_onset"].notna()]
         ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
         ax.set_title(title, fontsize=8)
+    if len(parts) > 1:  # one for all: side by side they overlap
+        for ax in grid[0]:
+            ax.set_xlabel("")
+        fig.supxlabel(_label_with_unit(x), fontsize="medium")
     grid[0][0].set_ylabel(name if y == quantity else _label_with_unit(y))
     # longer names would be cut off
     fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(name, 24))
@@ -184,8 +189,8 @@ def _split_by_axis(rows: DataFrame, axis: str) -> list[tuple[str, DataFrame]]:
     if rows[axis].nunique() <= parts:
         return [(f"{axis} = {number_text(x)}", part) for x, part in rows.groupby(axis)]
     out = []
-    for ends, part in rows.groupby(qcut(rows[axis], parts, duplicates="drop"), observed=True):
-        title = f"{number_text(ends.left)} to {number_text(ends.right)}"
+    for _, part in rows.groupby(qcut(rows[axis], parts, duplicates="drop"), observed=True):
+        title = f"{number_text(part[axis].min())} to {number_text(part[axis].max())}"  # qcut's ends lie outside
         out.append((title, part))
     return out
 
@@ -199,7 +204,7 @@ def _explorer_data(study: Study, file: Path, rows: DataFrame) -> dict[str, Any]:
         if rows[name].notna().any():
             values = list(map(_rounded_json_value, rows[name].tolist()))
             columns.append({"name": _label_with_unit(name), "log": name in log_axes, "values": values})
-    return {"study": str(file), "index": rows.index.tolist(), "columns": columns}
+    return {"study": shlex.quote(str(file)), "index": rows.index.tolist(), "columns": columns}
 
 
 def _rounded_json_value(value: str | float | None) -> str | float | None:
