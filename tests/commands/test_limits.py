@@ -100,6 +100,7 @@ def test_every_shipped_number_has_a_clause_and_every_text_a_link():
 FAULTS = {
     "another verdict": lambda row: row.update(verdict="met" if row["verdict"] == "not met" else "not met"),
     "another limit": lambda row: row.update(limit=1.01 * row["limit"]),
+    "another bar": lambda row: row.update(bar=0.5 * row["bar"] if row["bar"] else 1.0),
     "another value": lambda row: row.update(value=1.01 * row["value"] + 1e-6),
     "another side": lambda row: row.update(side="at most" if row["side"] == "at least" else "at least"),
     "another clause": lambda row: row.update(source=row["source"][:-1] + "9"),
@@ -118,6 +119,22 @@ def test_verdicts_are_computed_a_second_time(tramway_ride_and_limits, fault):
             FAULTS[fault](next(row for row in told if row == judged[i]))
         faults = list(readback.limit_faults(told, toml, r.design, r.events))
         assert bool(faults) is (fault is not None)
+
+
+@pytest.mark.parametrize("when", [[], ["damper", "rare use"]])
+def test_a_limit_that_is_left_out_or_does_not_apply_is_seen(tramway_ride_and_limits, when):
+    r, _ = tramway_ride_and_limits
+    scene = TRAMWAY.replace({"limits.when": when, "limits.safety_factor": 3.0, "limits.clearance": 1.0})
+    toml = tomllib.loads(scene.to_toml())
+    rows = limits.limit_rows(scene, r.design, r.events)
+    assert not list(readback.limit_faults(rows, toml, r.design, r.events))
+    for i in range(len(rows)):
+        assert list(readback.limit_faults(rows[:i] + rows[i + 1 :], toml, r.design, r.events))
+    other = scene.replace({"limits.when": ["more than two persons"]})
+    extra = [row for row in limits.limit_rows(other, r.design, r.events) if row not in rows]
+    assert extra
+    for row in extra:
+        assert list(readback.limit_faults([*rows, row], toml, r.design, r.events))
 
 
 def test_a_wrong_sag_at_rest_is_denied(tramway_ride_and_limits):

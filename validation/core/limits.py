@@ -30,6 +30,14 @@ class ValueWithBar:
     why: str = ""
 
 
+def _largest_then_widest(number: ValueWithBar) -> tuple[float, float]:
+    return number.value, number.bar
+
+
+def _smallest_then_widest(number: ValueWithBar) -> tuple[float, float]:
+    return number.value, -number.bar
+
+
 def unknown_value(why: str) -> ValueWithBar:
     return ValueWithBar(math.nan, why=why)
 
@@ -164,10 +172,10 @@ class _ComputedDemandValues:
         return [ValueWithBar(x["value"], default if x["bar"] is None else x["bar"], x["quantity"]) for x in rows]
 
     def _largest(self, kind: str) -> ValueWithBar | None:
-        return max(self._numbers_of_kind(kind), key=lambda x: x.value, default=None)
+        return max(self._numbers_of_kind(kind), key=_largest_then_widest, default=None)
 
     def _smallest(self, kind: str) -> ValueWithBar | None:
-        return min(self._numbers_of_kind(kind), key=lambda x: x.value, default=None)
+        return min(self._numbers_of_kind(kind), key=_smallest_then_widest, default=None)
 
     def safety_factor(self) -> ValueWithBar | None:
         """Breaking load over largest tension."""
@@ -188,7 +196,7 @@ class _ComputedDemandValues:
         """Tangent of the largest swing of a cabin to either side."""
         largest = max(
             [*self._numbers_of_kind("swing_max"), *self._numbers_of_kind("swing_min")],
-            key=lambda x: abs(x.value),
+            key=lambda x: (abs(x.value), x.bar),
             default=None,
         )
         if largest is None:
@@ -206,7 +214,7 @@ class _ComputedDemandValues:
 
     def largest_knee_except_last_support(self) -> ValueWithBar | None:
         inner = [x for x in self._numbers_of_kind("knee_max") if x.subject != self._last_knee_quantity]
-        return max(inner, key=lambda x: x.value, default=None)
+        return max(inner, key=_largest_then_widest, default=None)
 
     def knee_at_last_support(self) -> ValueWithBar | None:
         return next((x for x in self._numbers_of_kind("knee_max") if x.subject == self._last_knee_quantity), None)
@@ -226,7 +234,7 @@ class _ComputedDemandValues:
                 yield ValueWithBar(math.nan, subject=name, why=f"give {key}")
             elif rule.get("kind", kind) == kind:
                 unknown = unknown_value(DEMANDS["clearance"][3])
-                yield min(self._clearances_over(name), key=lambda x: x.value, default=unknown)
+                yield min(self._clearances_over(name), key=_smallest_then_widest, default=unknown)
 
     def _clearances_over(self, name: str) -> list[ValueWithBar]:
         """Clearances over an obstacle or the ground, of rope and cars."""

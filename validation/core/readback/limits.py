@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import re
+import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -68,55 +69,93 @@ NUMBERS = {  # of other demands: kind of number
 OVER = "smallest clearance over "
 
 
+class _StatedLimit(NamedTuple):
+    """A limit that the scene, or a text that it names, states for it."""
+
+    demand: str
+    words: str  # of the demand, and of what a clearance is over
+    limit: float
+    source: str
+    text: str  # its source without the clause
+
+
 def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events: Sequence[Row]) -> Faults:
     """Faults of verdicts on limits, from a scene's TOML, the shipped texts and the printed numbers."""
-    shipped = read_package_toml("cablefem.scene", "limits.toml")
-    words = shipped["demand"]
+    words = read_package_toml("cablefem.scene", "limits.toml")["demand"]
+    stated = {(limit.words, limit.limit, limit.source): limit for limit in _stated_limits(scene)}
     demanded = _StoredDemandValues(scene, design, events)
     for row in rows:
-        demand = next(key for key in words if re.fullmatch(words[key][0].format(".*"), row["demand"]))
-        if [row["side"], row["unit"]] != words[demand][1:3]:
-            yield f"{row['demand']}: {row['side']} in {row['unit']}"
-        if not _is_limit_stated(demand, row, scene, shipped["text"].values()):
+        limit = stated.get((row["demand"], row["limit"], row["source"]))
+        if limit is None:
             yield f"{row['demand']}: {row['limit']} is not the limit of {row['source']}"
-        yield from _limit_verdict_faults(row, demanded.value_of_demand(demand, row))
-    sources = [row["source"] for row in rows]
-    for name in scene.get("limits", {}).get("use", []):
-        if not any(source.startswith(shipped["text"][name]["source"]) for source in sources):
-            yield f"{name}: none of its limits is printed"
+            continue
+        if [row["side"], row["unit"]] != words[limit.demand][1:3]:
+            yield f"{row['demand']}: {row['side']} in {row['unit']}"
+        yield from _limit_verdict_faults(row, demanded.value_of_demand(limit.demand, row))
+    shown = {(row["demand"], row["limit"], row["source"]) for row in rows}
+    unjudged = [row for row in rows if row["value"] is None]  # of each text once
+    for key, limit in stated.items():
+        once = any(row["demand"] == limit.words and row["source"].startswith(limit.text) for row in unjudged)
+        if key not in shown and not once:
+            yield f"{limit.words}: {limit.limit} of {limit.source} is not printed"
 
 
-def _is_limit_stated(demand: str, row: Row, scene: Row, regulations: Iterable[Row]) -> bool:
-    """Whether the scene, or a rule of a regulation that applies to it, states the limit of a row."""
+def _stated_limits(scene: Row) -> Iterator[_StatedLimit]:
+    """All limits of a scene: its own, and of its texts those for its span, grounds and circumstances."""
+    shipped = read_package_toml("cablefem.scene", "limits.toml")
     limits = scene.get("limits", {})
-    if row["source"] == "the scene":
-        return bool(limits.get(demand) == row["limit"])
-    kind = _kind_of_obstacle_or_ground(row, scene)
-    for regulation in regulations:
-        for rule in regulation["limit"]:
-            same = (demand, row["limit"]) == (rule["demand"], rule["limit"])
-            fits = kind is None or rule.get("kind") in (None, kind)
-            applies = rule.get("when") in (None, *limits.get("when", []))
-            if same and fits and applies and row["source"] == f"{regulation['source']}, {rule['clause']}":
-                return True
-    return False
+    when = limits.get("when", [])
+    kinds = _kinds_of_obstacles_and_ground(scene)
+    for demand, (words, *_) in shipped["demand"].items():
+        if demand in limits:
+            for name in kinds if "{}" in words else [""]:
+                yield _StatedLimit(demand, words.format(name), limits[demand], "the scene", "the scene")
+    for text in map(shipped["text"].get, limits.get("use", [])):
+        special = [(rule["demand"], rule.get("kind")) for rule in text["limit"] if rule.get("when") in when]
+        for rule in text["limit"]:
+            kind = rule.get("kind")
+            applies = rule["when"] in when if "when" in rule else (rule["demand"], kind) not in special
+            if not applies or _longest_span(scene) <= rule.get("span_above", 0.0):
+                continue
+            words = shipped["demand"][rule["demand"]][0]
+            names = [name for name, of in kinds.items() if None in (kind, of) or kind == of]
+            for name in names if "{}" in words else [""]:
+                source = f"{text['source']}, {rule['clause']}"
+                yield _StatedLimit(rule["demand"], words.format(name), rule["limit"], source, text["source"])
 
 
-def _kind_of_obstacle_or_ground(row: Row, scene: Row) -> str | None:
-    """The kind that the scene gives to what a demanded clearance is over; None without one."""
+def _longest_span(scene: Row) -> float:
+    """The longest span [m] between neighbouring contacts."""
+    if "supports" in scene:
+        return float(scene["supports"]["span"])
+    return float(np.diff([contact["at"][0] for contact in scene["contact"]]).max())
+
+
+def _kinds_of_obstacles_and_ground(scene: Row) -> dict[str, str | None]:
+    """The kind that the scene gives to each obstacle and its ground, by name; None without one."""
     kinds = {x["name"]: x.get("kind") for x in scene.get("obstacle", [])}
-    kinds[GROUND] = scene["limits"].get("ground")
-    return kinds.get(row["demand"].removeprefix(OVER))
+    if scene.get("ground"):
+        kinds[GROUND] = scene.get("limits", {}).get("ground")
+    return kinds
 
 
-def _limit_verdict_faults(row: Row, value: float | None) -> Faults:
-    """Faults of value and verdict of a row, where this value follows from the numbers."""
-    if value is None or row["value"] is None:
-        if value is not row["value"] or not row["verdict"].startswith(("cannot be judged: ", "not computed")):
-            yield f"{row['demand']}: {row['value']}, {row['verdict']}, where {value} follows"
+class _ValueAndBar(NamedTuple):
+    value: float
+    bar: float
+
+
+def _limit_verdict_faults(row: Row, expected: _ValueAndBar | None) -> Faults:
+    """Faults of value, bar and verdict of a row, where these follow from the numbers."""
+    if expected is None or row["value"] is None:
+        if expected is not row["value"] or not row["verdict"].startswith(("cannot be judged: ", "not computed")):
+            yield f"{row['demand']}: {row['value']}, {row['verdict']}, where {expected} follows"
         return
+    value, bar = expected
     if abs(value - row["value"]) > ROUNDING * abs(value) + ROUNDING:
         yield f"{row['demand']}: {row['value']} where {value} follows"
+    printed_bar = math.inf if row["bar"] is None else row["bar"]
+    if printed_bar != bar and not abs(printed_bar - bar) <= ROUNDING * bar + ROUNDING:
+        yield f"{row['demand']}: ± {row['bar']} where ± {bar} follows"
     verdict = _expected_limit_verdict(row, value)
     if row["verdict"] != verdict:
         yield f"{row['demand']}: {row['verdict']} where {verdict} follows"
@@ -137,31 +176,38 @@ class _StoredDemandValues:
     def __init__(self, scene: Row, design: Sequence[Row], events: Sequence[Row]) -> None:
         self.scene = scene
         self.events = events
-        self.by_kind: dict[str, dict[str, float]] = {}  # then by obstacle or contact
+        moves = "contact" not in scene or any("at" not in car and "hauled" not in car for car in scene.get("car", []))
+        self.without_bar = math.inf if moves else 0.0  # a line at rest is exact
+        self.by_kind: dict[str, dict[str, _ValueAndBar]] = {}  # then by obstacle or contact
         for number in design:
             if number["value"] is not None:
                 kind, _, of = number["quantity"].partition(":")
-                self.by_kind.setdefault(kind, {})[of] = number["value"]
+                self.by_kind.setdefault(kind, {})[of] = self._value_and_bar(number, "value", "bar")
         if "breaking_load" in scene["cable"]:
-            self.by_kind["breaking_load"] = {"": scene["cable"]["breaking_load"]}
+            self.by_kind["breaking_load"] = {"": _ValueAndBar(scene["cable"]["breaking_load"], 0.0)}
 
-    def value_of_demand(self, demand: str, row: Row) -> float | None:
+    def _value_and_bar(self, row: Row, value: str, bar: str) -> _ValueAndBar:
+        known = row.get(bar)
+        return _ValueAndBar(row[value], self.without_bar if known is None else known)
+
+    def value_of_demand(self, demand: str, row: Row) -> _ValueAndBar | None:
         """The value of a demand; None where it is unknown."""
         if demand == "clearance":
             return self._min_clearance(row)
         if demand == "arrival_speed":
-            return next((x["speed"] for x in self.events if x["event"] in ("brake", "arrival")), None)
+            first = next((x for x in self.events if x["event"] in ("brake", "arrival")), None)
+            return None if first is None else self._value_and_bar(first, "speed", "bar_speed")
         if demand == "swing_along":
             swings = [*self._values_of_kind("swing_max"), *self._values_of_kind("swing_min")]
-            return float(np.tan(np.radians(np.abs(swings).max()))) if swings else None
+            return _tangent_of_widest(swings) if swings else None
         if demand in NUMBERS:
             return self._extreme(demand)
         return self._ratio(demand) if demand in RATIOS else None
 
-    def _values_of_kind(self, kind: str) -> Collection[float]:
+    def _values_of_kind(self, kind: str) -> Collection[_ValueAndBar]:
         return self.by_kind.get(kind, {}).values()
 
-    def _extreme(self, demand: str) -> float | None:
+    def _extreme(self, demand: str) -> _ValueAndBar | None:
         """The number of a demand; of knees under load, of the last contact before the end or of the others."""
         values = self._values_of_kind(NUMBERS[demand])
         if demand in ("knee_loaded", "knee_last"):
@@ -169,27 +215,43 @@ class _StoredDemandValues:
             of_last = demand == "knee_last"
             knees = self.by_kind.get(NUMBERS[demand], {})
             values = [x for contact, x in knees.items() if (contact == last) is of_last]
-        extreme = min if demand in ("knee_empty", "tension_over_wheel") else max
-        return extreme(values, default=None)
+        if not values:
+            return None
+        return _smallest(values) if demand in ("knee_empty", "tension_over_wheel") else max(values)
 
-    def _ratio(self, demand: str) -> float | None:
-        """The ratio of two numbers that a demand names; None without both."""
+    def _ratio(self, demand: str) -> _ValueAndBar | None:
+        """The ratio of two numbers that a demand names, relative bars added; None without both."""
         numerators, denominators = map(self._values_of_kind, RATIOS[demand])
         if not numerators or not denominators:
             return None
-        ratio = min(numerators) / max(denominators)
-        return ratio - 1.0 if demand == "sag_growth" else ratio
+        above = _smallest(numerators)
+        below = max(denominators)
+        ratio = above.value / below.value
+        bar = (above.bar + abs(ratio) * below.bar) / abs(below.value)
+        return _ValueAndBar(ratio - 1.0 if demand == "sag_growth" else ratio, bar)
 
-    def _min_clearance(self, row: Row) -> float | None:
+    def _min_clearance(self, row: Row) -> _ValueAndBar | None:
         """The smallest clearance over a row's obstacle or ground; None if its text needs a kind that nobody gave."""
-        if row["source"] != "the scene" and _kind_of_obstacle_or_ground(row, self.scene) is None:
-            return None
         name = row["demand"].removeprefix(OVER)
+        if row["source"] != "the scene" and _kinds_of_obstacles_and_ground(self.scene)[name] is None:
+            return None
         over = []
         for kind, numbers in self.by_kind.items():
             if kind.startswith("clearance"):
                 over += [x for key, x in numbers.items() if key.split(" over ")[-1] == name]
-        return min(over, default=None)
+        return _smallest(over) if over else None
+
+
+def _smallest(values: Collection[_ValueAndBar]) -> _ValueAndBar:
+    """The smallest value, of equal ones that with the widest bar."""
+    return min(values, key=lambda x: (x.value, -x.bar))
+
+
+def _tangent_of_widest(swings: Sequence[_ValueAndBar]) -> _ValueAndBar:
+    """Tangent of the swing [deg] that is widest to either side, d tan = d angle / cos^2."""
+    widest = max(swings, key=lambda x: (abs(x.value), x.bar))
+    angle = np.radians(abs(widest.value))
+    return _ValueAndBar(float(np.tan(angle)), float(np.radians(widest.bar) / np.cos(angle) ** 2))
 
 
 LIMITS = "limit|value|demanded|by|verdict"  # columns
