@@ -16,7 +16,7 @@ from galerkin.trolley import rotate
 if TYPE_CHECKING:
     from galerkin.lines import LineSines
 
-SAG = 0.02  # of the first guess, over the chord
+SAG = 0.03  # of the first guess, over the chord, of a rope that is not longer than its chords
 ITERATIONS = 100  # of the search for rest
 TOL = 1e-11  # of EA
 SOFTENED = 4  # steps from a soft rope to the stiff one
@@ -70,8 +70,9 @@ def _tension_scale(line: MovingLine) -> float:
     weights = [c.force for c in line.supports if c.force is not None]
     if weights:
         return weights[0]
-    weight_of_rope = line.weight_per_length * float(chord_lengths(line).sum())
-    return 4.0 * (weight_of_rope + sum(line.gravity * car.mass for car in line.cars_on_rope))
+    chords = float(chord_lengths(line).sum())
+    weight = line.weight_per_length * chords + sum(line.gravity * car.mass for car in line.cars_on_rope)
+    return weight / (8.0 * _guess_sag_ratio(line, chords))
 
 
 class RestSearch:
@@ -147,7 +148,7 @@ def guess_sagging_chords(system: LineSines, Z: Array) -> Array:
     Z = Z.copy()
     supports = [k for k, c in enumerate(line.contacts_and_wheels) if isinstance(c, Contact)]
     distances = np.concatenate([[0.0], np.cumsum(chord_lengths(line))])  # of supports along the chords
-    sags = 4.0 * SAG * np.diff(distances)
+    sags = 4.0 * _guess_sag_ratio(line, distances[-1]) * np.diff(distances)
     Z[0, layout.s[supports]] = _guess_support_positions(line, distances)
     points = np.array([c.point for c in line.supports])
     for k in system.cars:
@@ -156,6 +157,14 @@ def guess_sagging_chords(system: LineSines, Z: Array) -> Array:
         chord = Chord(s, points[i], points[i + 1] - points[i], sags[i])
         _set_car_on_chord(system, k, chord, Z)
     return Z
+
+
+def _guess_sag_ratio(line: MovingLine, chords: float) -> float:
+    """Sag over chord: of a parabola as long as the rope between two fixed ends; chords : [m] sum of their lengths."""
+    if line.rope.length is None or "counterweight" in (c.kind for c in line.supports):
+        return SAG
+    excess = line.rope.length / chords - 1.0
+    return max(SAG, math.sqrt(0.375 * max(0.0, excess)))
 
 
 def _guess_support_positions(line: MovingLine, distances: Array) -> Array:

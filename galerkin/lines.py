@@ -389,10 +389,14 @@ class LineSines(System):
         return last.N, last.contact_values
 
     def _min_tension_and_saddle_pressures(self, N: Array, contact_values: Array) -> list[float]:
-        """The smallest of the tensions (S, G), and the force of the rope down on each saddle [N]."""
+        """The smallest mean of the tensions (S, G) over a shortest wave, and the rope's force down on each saddle [N].
+
+        EA multiplies the error of a strain: at a point a coarse sum of sines may be compressed where the rope is taut.
+        """
         down = contact_values[:, 3] - contact_values[:, 1]
         pressures = down[self.watched.saddles].tolist()
-        return [float(N[self.layout.outer].min()), *pressures]
+        means = N[self.layout.outer] @ self.layout.tables.means.T  # (S, P)
+        return [float(means.min()), *pressures]
 
     def apply_event(self, name: str, x: State) -> State | None:
         """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""

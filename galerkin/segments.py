@@ -78,6 +78,7 @@ class FunctionTables:
         points, weights = np.polynomial.legendre.leggauss(2 * terms + 12)
         self.points = 0.5 + 0.5 * points
         self.weights = 0.5 * weights
+        self.means = self._means_over_shortest_waves(terms)  # (P, G)
         self.B = basis_functions_and_derivatives(self.points, terms)  # (4, G, M)
         self.flat = self.B.reshape(-1, terms + 4)
         self.weights_of_tests = np.tile(self.weights, 2)[:, None]  # (2 G, 1)
@@ -88,6 +89,13 @@ class FunctionTables:
         self.moments = moments.reshape(9, terms + 4, -1)
         ends = np.array([0.0, 1.0])
         self.end_slopes = basis_functions_and_derivatives(ends, terms)[1]  # B' at L and R
+
+    def _means_over_shortest_waves(self, terms: int) -> Array:
+        """Weights of means over equal pieces of a segment, about as long as the shortest wave of its sines."""
+        pieces = max(1, terms // 2)
+        within = np.arange(pieces)[:, None] == np.floor(pieces * self.points)
+        weights = within * self.weights
+        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
 class Layout:

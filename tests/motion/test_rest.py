@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from cablefem.elements.system import LineElements
 from galerkin.lines import LineSines
-from tests.motion.lines import ALONG_S, IN_X, SPRUNG, THREE, WEIGHED
+from tests.motion.lines import ALONG_S, IN_X, SPRUNG, THREE, WEIGHED, anchor, car, line
 
 # s of the free contacts, points and haul forces of the cars: elastic catenaries to all digits
 EXACT = {
@@ -27,13 +28,13 @@ WINGS = {
 @pytest.mark.parametrize("wing", WINGS)
 @pytest.mark.parametrize("name", EXACT)
 def test_contacts_slide_to_where_catenaries_put_them(name, wing):
-    line, s, points, haul = EXACT[name]
+    moving, s, points, haul = EXACT[name]
     build, of_places, of_forces = WINGS[wing]
-    system = build(line)
+    system = build(moving)
     x = system.observe([system.start(0, None)], np.array([100.0]))
     everything = {c.name: c for c in (*x.contacts, *x.cars)}
     for k, exact in s.items():
-        assert everything[line.contacts[k].name].s[0] == pytest.approx(exact, abs=of_places)
+        assert everything[moving.contacts[k].name].s[0] == pytest.approx(exact, abs=of_places)
     for at, exact in zip(x.cars, points or [], strict=False):
         np.testing.assert_allclose(at.point[0], exact, atol=of_places)
     if haul is not None:
@@ -48,3 +49,19 @@ def test_tensions_at_rest():
     assert x.cars[0].tension_ahead[0] == pytest.approx(490181.3837, abs=1e-3)
     assert x.contacts[1].tension_behind[0] == pytest.approx(5e5, abs=1e-3)
     np.testing.assert_allclose(x.tension[0], [475797.4438, 479179.1553], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "build", [lambda deep: LineElements(deep, elements=2, degree=4), lambda deep: LineSines(deep, 3)]
+)
+def test_a_rope_that_sags_by_a_quarter_of_its_span_is_not_slack_on_the_coarsest_grid(build):
+    length, span = 240.0, 200.0
+    deep = line(
+        {"mass_per_length": 5.0, "EA": 8e7, "length": length},
+        anchor("left", 0.0, 0.0), car("light", 1.0, 120.0), anchor("right", span, 0.0),
+    )  # fmt: skip
+    system = build(deep)
+    x = system.observe([system.start(0, None)], np.array([0.0]))
+    a = brentq(lambda a: 2.0 * a * np.sinh(0.5 * span / a) - length, 20.0, 1e4)  # y = a cosh(x/a)
+    weight_per_length = 5.0 * 9.81
+    assert x.contacts[0].tension_ahead[0] == pytest.approx(weight_per_length * np.hypot(a, 0.5 * length), rel=0.02)

@@ -107,7 +107,7 @@ def first_slot_of_s(line: Line) -> int:
 def add_rows_and_set_loads(line: Line, x: Coordinates, rows: Array, loads_and_min_tension: Array) -> None:
     """Add the rows of all segments and cars at n instants to rows (n, size).
 
-    loads_and_min_tension : (n, m + 1), is set: loads of the m cars, then the smallest tension.
+    loads_and_min_tension : (n, m + 1), is set: loads of the m cars, then the smallest mean tension of an element.
     """
     for i in range(rows.shape[0]):
         at = Coordinates(x.q[i], x.v[i], x.a[i])
@@ -117,7 +117,10 @@ def add_rows_and_set_loads(line: Line, x: Coordinates, rows: Array, loads_and_mi
 
 @inner
 def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -> float:
-    """Add the rows of the segments to rows (size,); return the smallest tension."""
+    """Add the rows of the segments to rows (size,); return the smallest mean tension of an element.
+
+    EA multiplies the error of a strain: at a point a coarse element of a taut rope may be compressed.
+    """
     mesh, rope, law, _ = line
     q, v, a = at
     count = law.shape[1]
@@ -132,6 +135,7 @@ def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -
         h = q[S + k + 1] - q[S + k]
         dh = v[S + k + 1] - v[S + k]
         for e in range(elements):
+            tension = 0.0
             for g in range(mesh.weights.size):
                 set_values_at_point(mesh, at, 2 * k * (nn - 1), e, g, f)
                 xi = mesh.xi[e, g]
@@ -142,7 +146,7 @@ def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -
                 size = np.sqrt(f[2] ** 2 + f[3] ** 2)
                 lam = size / h
                 N = N_0 + EA * (lam - 1.0)
-                lowest = min(lowest, N)
+                tension += weight * elements * N
                 W = W_0 + (N_0 + 0.5 * EA * (lam - 1.0)) * (lam - 1.0)
                 momentum = 0.0
                 kinetic = 0.0
@@ -161,6 +165,7 @@ def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -
                 material = W - N * lam - rope.q * f[1] - rope.rho * kinetic
                 rows[S + k] -= weight * (material + (1.0 - xi) * rope.rho * momentum)
                 rows[S + k + 1] += weight * (material - xi * rope.rho * momentum)
+            lowest = min(lowest, tension)
     return lowest
 
 
