@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from cablefem import Scene
+from cablefem import Scene, quasi_static
 from cablefem.response import Response
 from tests.commands.calls import BROKEN, QUICK, fault_lines
 from validation.commands.run import study
 from validation.core.flags import make_flag
 from validation.core.quantities import design_row_texts
+from validation.core.readback.texts import rows_of_each_table, shows_value
 from validation.core.refine import TooCoarse, run_with_error_bars
 from validation.core.running import run
 from validation.page.answer import many
@@ -240,6 +241,46 @@ def test_a_grid_says_the_units_of_what_varies_and_its_values_as_given(cablefem):
     assert code == 0
     head, first, second = (re.split("  +", row.strip()) for row in out.splitlines()[:3])
     assert (head[0], first[0], second[0]) == ("cable.EA [N]", "12000000", "12000001")
+
+
+def worst_of(design, kind):
+    """The number of a kind for which a designer looks: of several obstacles the smallest clearance."""
+    values = [row["value"] for row in design if row["quantity"].partition(":")[0] == kind and row["value"] is not None]
+    return min(values) if "clearance" in kind else values[0]
+
+
+KINDS = {
+    "clearance, rope": "clearance_rope_min", "clearance, car": "clearance_car_min",
+    "largest tension": "tension_max", "least safety factor": "safety_factor_min",
+    "largest haul force": "haul_force_max",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["zipline", "tramway"])
+def test_a_grid_says_of_each_scene_what_its_run_alone_says(cablefem, name):
+    trees = [{"name": "near", "at": 100.0, "top": 60.0}, {"name": "far", "at": 200.0, "top": 75.0}]
+    scene = Scene.load(name).replace({"obstacle": trees, "cable.breaking_load": 1.5e6, "mass.below": 1.5})
+    Path("mine.toml").write_text(scene.to_toml())
+    code, out, _ = cablefem("run", "mine.toml", "--model", "quasi-static", "--set", "mass.mass=80,120", "--out", "x")
+    assert code == 0
+    table, *_ = rows_of_each_table(Path("x/report.html").read_text())
+    printed = [re.split("  +", row.strip()) for row in out.splitlines()[:3]]
+    stored = list(csv.DictReader(Path("x/grid/table.csv").read_text().splitlines()))
+    for i, mass in enumerate((80.0, 120.0)):
+        r = quasi_static(scene.replace({"mass.mass": mass}))
+        for shown in (table, printed):
+            cells = dict(zip(shown[0], shown[1 + i], strict=True))
+            for head, text in cells.items():
+                words, _, unit = head.rstrip("]").partition(" [")
+                if words in KINDS:
+                    value = worst_of(r.design, KINDS[words])
+                    assert shows_value(f"{text} {unit}".strip(), value, unit.removeprefix("k"), digits=4)
+                    assert float(stored[i][KINDS[words]]) == pytest.approx(value)
+            assert len(cells.keys() & {"clearance, rope [m]", "clearance, car [m]", "least safety factor"}) == 3
+            if r.drive == "free":
+                arrival = next(event for event in r.events if event["event"] in ("brake", "arrival"))
+                assert shows_value(f"{cells['at the brake or end [km/h]']} km/h", arrival["speed"], "m/s", digits=4)
+                assert shows_value(cells["farthest point [m]"] + " m", r.s_o.max(), "m", digits=4)
 
 
 def test_a_value_in_another_unit_is_remarked_in_set_too(cablefem):
