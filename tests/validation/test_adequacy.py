@@ -161,6 +161,17 @@ def test_a_scene_that_falls_slack_at_once_is_said_to_need_the_full_model(tmp_pat
     assert "slack at sₒ/l = 0.030" in advice_page_text(tmp_path, [(1e-3, 2e-2)], slack_onset=0.03)
 
 
+def test_a_need_that_no_model_meets_is_not_said_to_be_met(tmp_path):
+    gaps = {"path": 1e-4, "tension": 21.5}
+    settings = {"elements": 36}
+    full = {"name": "full + mass", "gaps": gaps, "seconds": 1.0, "settings": settings}
+    least = dict.fromkeys(gaps, "full + mass")
+    unmet = {"full": full, "least": least, "method": "following-p2", "settings": settings, "seconds": 1.0}
+    advice_page_text(tmp_path, [(1e-4, 0.2)], meets=False, **unmet)
+    said = page.sections(tmp_path)[0].summary
+    assert "path, full + mass; tension, none is sure to be; no run meets all" in said
+
+
 def test_the_page_says_the_advice_and_shows_the_ladder(level_advice):
     _, out, _ = level_advice
     found = page.sections(out)
