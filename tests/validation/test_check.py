@@ -8,8 +8,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from cablefem import Scene
+from tests.validation import sines
 from validation.commands.check import study
 from validation.commands.check.study import check
+from validation.commands.run.study import run_with_bars
 from validation.core.agreement import (
     FACTOR_DISAGREE,
     Agreement,
@@ -193,3 +195,12 @@ def test_required_of_the_path_alone_forces_and_laws_are_shown():
 def test_a_check_is_of_two_methods(methods):
     with pytest.raises(ValueError, match=r"methods = .*: must be two, one of each wing"):
         check("level", methods=methods)
+
+
+def test_smooth_functions_are_not_wrong_for_the_kink_that_they_do_not_show():
+    assert check(Scene.load("cruise"), tol=0.2, methods=("following-p2", "fourier")).verdict is Verdict.AGREE
+
+
+def test_a_method_of_ones_own_runs_without_a_name():
+    ours = run_with_bars(LEVEL, sines.METHOD, waves=6, steps=60)
+    assert ours.method == "my-sines"

@@ -465,7 +465,13 @@ def mass_momentum_by_contact_defect(evidence: Evidence) -> Defect:
     return _mass_momentum_defect(evidence, -evidence.r.contact)
 
 
-@_register_law("impulse", quantity="impulse")
+def _slope_has_kink(evidence: Evidence) -> bool:
+    """Whether r' differs on both sides of the mass: smooth functions show one slope there on any mesh."""
+    r = evidence.r
+    return not np.allclose(r.slope_behind, r.slope_ahead, rtol=0.0, atol=1e-12)
+
+
+@_register_law("impulse", _slope_has_kink, quantity="impulse")
 def mass_momentum_by_tensions_defect(evidence: Evidence) -> Defect:
     """M (v_2 - v_1) by the force [ N t - rho ds_o^2 r' ] of both tensions; over M g times window."""
     r = evidence.r

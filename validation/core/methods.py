@@ -297,13 +297,16 @@ METHODS = {m.name: m for m in _ALL}
 ENTRY_POINTS = "cablefem.methods"  # group in which another package names its methods
 
 
-def find_method(name: str) -> Method:
-    """The method of this name, ours or that of an entry point; ValueError for an unknown one."""
+def find_method(name: str | Method) -> Method:
+    """The method of this name, ours or that of an entry point, or itself; ValueError for an unknown one."""
+    if isinstance(name, Method):
+        return name
+    name = str(name)
     if name in METHODS:
         return METHODS[name]
     others = methods_of_other_packages()
     if name not in others:
-        raise ValueError(f"unknown method {name!r}.{did_you_mean(str(name), [*METHODS, *others])}")
+        raise ValueError(f"unknown method {name!r}.{did_you_mean(name, [*METHODS, *others])}")
     return others[name]
 
 

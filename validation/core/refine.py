@@ -59,7 +59,7 @@ class RunsOfMethod:
         earlier_runs: Sequence[Response] = (),
     ) -> None:  # fmt: skip
         self.scene = scene
-        self.method = find_method(method) if isinstance(method, str) else method
+        self.method = find_method(method)
         self.view = view or View.of_scene(scene)
         self.earlier = earlier_runs
         self.made = list[Run]()

@@ -72,7 +72,7 @@ class Run:
         groups = scene.groups
         _refuse_bad_arguments(scene, law, frames)
         self.scene = scene
-        self.method = find_method(method) if isinstance(method, str) else method
+        self.method = find_method(method)
         self.frames = frames
         self.settings = settings = self.method.settings_for_scene(groups, settings)
         self.run_options = {"model": model, "load": load, "law": law}

@@ -241,7 +241,7 @@ def _methods_with_tolerance_shares(
     scenes: tuple[Scene, Scene], methods: Sequence[str | Method], tol: float, until: float | None
 ) -> list[_MethodOnScene]:
     """Each method with its scene, its share of the tolerance, and the budget."""
-    loaded = [m if isinstance(m, Method) else find_method(m) for m in methods]
+    loaded = [find_method(m) for m in methods]
     shares = [SHARES.get(m.wing, 1.0) for m in loaded]
     budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
     sides = []

@@ -115,12 +115,13 @@ def rechecked_quasi_static_run(scene: Scene) -> Response:
 
 
 def run_with_bars(
-    scene: Scene, method: str = "following-p2", *, tol: float | None = None, bars: bool = True, model: str = "full",
-    load: str = "mass", law: str = "auto", frames: int = FRAMES, until: float | None = None, **settings: Any,
+    scene: Scene, method: str | Method = "following-p2", *, tol: float | None = None, bars: bool = True,
+    model: str = "full", load: str = "mass", law: str = "auto", frames: int = FRAMES, until: float | None = None,
+    **settings: Any,
 ) -> Response:  # fmt: skip
     """Run one method as `cablefem run` does: with design numbers, events and their bars.
 
-    method : see `cablefem methods`; settings : of the method, as elements=20, steps=800.
+    method : see `cablefem methods`, or one of your own; settings : of the method, as elements=20, steps=800.
     tol : of the path, relative to its largest deflection, in [1e-6, 0.2]; resolution and steps are then chosen.
     frames : least number of instants at which the fields are kept, for `Response.at`.
     until : s_o/l at which the run may end; default: the end of the travel.
