@@ -3,6 +3,8 @@
 import pytest
 
 from tests.commands.calls import fault_lines
+from tests.validation import sines
+from validation import cli
 
 
 @pytest.fixture
@@ -45,3 +47,18 @@ def test_what_is_no_method_is_said(cablefem, install_method_package, name, value
         assert code == 2
         (line,) = fault_lines(err)
         assert said in line
+
+
+def test_it_refuses_a_car_that_rolls(cablefem, install_method_package):
+    install_method_package("my-sines", "tests.validation.sines:METHOD")
+    for scene in ("zipline", "tramway"):
+        code, out, err = cablefem("run", scene, "--method", "my-sines")
+        assert (code, out) == (2, "")
+        assert "the car must grip the cable" in err
+
+
+def test_what_breaks_in_it_is_its_fault(install_method_package, monkeypatch, capsys, tmp_path):
+    install_method_package("my-sines", "tests.validation.sines:METHOD")
+    monkeypatch.setattr(sines.Sines, "residual", lambda self, *state: 1 / 0)
+    assert cli.main(["run", "level", "--method", "my-sines", "--out", str(tmp_path)]) == 2
+    assert "this is a fault of tests, not of your input (ZeroDivisionError" in capsys.readouterr().err

@@ -27,6 +27,8 @@ class Sines(System):
     """The cable in sines, its mass by the chain rule; the full model, and a string of constant tension."""
 
     def __init__(self, groups, waves, *, model, load, law):
+        if groups.drive.mode != "grip":  # an equation of the car, or of the haul rope, is missing
+            raise ValueError(f"my-sines: drive.mode = {groups.drive.mode!r}: the car must grip the cable")
         if model not in ("full", "string"):
             raise ValueError(f"model must be full or string, got {model!r}")
         self.groups = groups

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
+import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -63,7 +65,17 @@ def fault_sentences(error: Exception) -> list[str]:
         return list(error.faults)
     if isinstance(error, OSError):
         return [f"{error.filename or 'a file could not be read or written'}: {error.strerror or error}"]
-    return [f"this is a fault of cablefem, not of your input ({type(error).__name__}: {error})"]
+    whose = _method_package_of(error) or "cablefem"
+    return [f"this is a fault of {whose}, not of your input ({type(error).__name__}: {error})"]
+
+
+def _method_package_of(error: Exception) -> str:
+    """The package of a method that is not ours, in whose code an error came up, or ""."""
+    from validation.core.methods import ENTRY_POINTS
+
+    packages = {point.module.partition(".")[0] for point in entry_points(group=ENTRY_POINTS)}
+    modules = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(error.__traceback__))
+    return next((name for module in modules if (name := module.partition(".")[0]) in packages), "")
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
