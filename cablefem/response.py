@@ -430,12 +430,15 @@ _ARRAYS = tuple(name for name, field in FIELDS.items() if field.type == "Array")
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """A temporary neighbour, put in place on success."""
+    """A temporary neighbour, put in place on success; an OSError names the file, also that of a full disk."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         yield temporary
         temporary.replace(path)
+    except OSError as error:
+        error.filename = str(path)
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

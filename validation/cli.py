@@ -9,6 +9,7 @@ import importlib
 import os
 import signal
 import sys
+import threading
 import traceback
 from typing import Annotated, Any
 
@@ -64,6 +65,15 @@ def _print_interrupted(stored: str = "") -> int:
     return 130
 
 
+def _interrupt_again_if_lost(unraisable: Any) -> None:
+    """Ctrl-C again, a moment later, if Python dropped it: it raises nothing out of a destructor, or out of a fork."""
+    if unraisable.exc_type is KeyboardInterrupt:
+        # a signal of its own, as it must end a wait, too
+        threading.Timer(0.1, signal.pthread_kill, [threading.main_thread().ident, signal.SIGINT]).start()
+    else:
+        sys.__unraisablehook__(unraisable)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run one command; print what breaks it; return its exit code."""
     interrupts: list[int] = []
@@ -77,6 +87,9 @@ def main(argv: list[str] | None = None) -> int:
     usage_error: Any = typer.BadParameter.__mro__[1]
     try:
         if argv is None:
+            for stream in (sys.stdout, sys.stderr):  # of an encoding that may have no ±
+                stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+            sys.unraisablehook = _interrupt_again_if_lost
             signal.signal(signal.SIGINT, note_and_interrupt)  # in the background of a script it is ignored
         return run_command(list(sys.argv[1:] if argv is None else argv))
     except typer.Exit as done:

@@ -4,6 +4,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -124,6 +125,7 @@ def test_ctrl_c_that_a_module_turns_into_an_error_of_its_import_is_ctrl_c(monkey
 
     monkeypatch.setattr(Scene, "library", import_interrupted)
     monkeypatch.setattr(sys, "argv", ["cablefem", "scenes"])
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)  # is put back
     before = signal.getsignal(signal.SIGINT)
     try:
         assert cli.main() == 130
@@ -132,6 +134,48 @@ def test_ctrl_c_that_a_module_turns_into_an_error_of_its_import_is_ctrl_c(monkey
     assert fault_lines(capsys.readouterr().err) == [
         "interrupted; files that were written are whole, and the command can be given again"
     ]
+
+
+def test_ctrl_c_in_a_destructor_or_a_fork_which_python_drops_ends_the_command():
+    script = """
+import os, signal, sys, time
+from validation import cli
+
+def interrupted():
+    signal.raise_signal(signal.SIGINT)
+
+def command(arguments):
+    os.register_at_fork(after_in_parent=interrupted)
+    if os.fork() == 0:
+        os._exit(0)
+    time.sleep(30.0)
+
+cli.run_command = command
+sys.exit(cli.main())
+"""
+    begin = time.perf_counter()
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, fault_lines(done.stderr)) == (
+        130, ["interrupted; files that were written are whole, and the command can be given again"]
+    )  # fmt: skip
+    assert time.perf_counter() - begin < 20.0
+
+
+def test_ctrl_c_while_the_command_is_loaded_leaves_no_traceback():
+    script = """
+import signal, sys
+
+class Interrupting:
+    def find_spec(self, name, *of):
+        if name == "typer":
+            signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupting())
+from validation.__main__ import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (-signal.SIGINT, "")
 
 
 def test_a_pipe_gets_plain_lines_whatever_the_width(cablefem, monkeypatch):

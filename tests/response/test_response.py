@@ -2,8 +2,10 @@
 
 import csv
 import dataclasses
+import errno
 import gc
 import json
+import os
 import pickle
 import tracemalloc
 import weakref
@@ -150,6 +152,11 @@ def test_the_mass_is_where_the_displaced_cable_is(level_response):
     inner = slice(5, 80)
     # differences of second order over 120 steps
     np.testing.assert_allclose(speed[inner], level_response.velocity[inner, 0], rtol=1e-2)
+
+
+def test_a_full_disk_is_said_with_the_file_that_did_not_fit(tmp_path):
+    with pytest.raises(OSError, match=r"No space left on device: '.*path.csv'"), atomic_write(tmp_path / "path.csv"):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as a write says it, of no file
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path):
