@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import pytest
@@ -12,6 +13,9 @@ from cablefem.response import Response
 from tests.commands.calls import QUICK
 from validation import cli
 from validation.core import readback
+from validation.core.quantities import design_row_texts
+from validation.core.readback import tables
+from validation.core.readback import terminal as printed_lines
 from validation.core.scene_data import read_csv_columns
 from validation.page import terminal
 
@@ -222,6 +226,18 @@ def test_other_words_and_numbers_on_the_page_are_seen(stored_result, there, inst
     wrong, count = re.subn(there, instead, page, count=1)
     assert count == 1
     assert any(said in fault for fault in readback.page_faults(wrong, command, of))
+
+
+def test_a_clearance_that_is_called_the_smallest_and_is_not_is_seen():
+    where = {"t": 1.0, "s_o": 2.0, "s": 3.0, "unit": "m", "bar": None}
+    names = ("clearance_car_min:hut", "clearance_car_min:tree", "clearance_rope_min:tree")
+    near, far, none = [{"quantity": name, "value": x, **where} for name, x in zip(names, (1.5, 2.5, None), strict=True)]
+    stored = SimpleNamespace(design=[far, none, near], unread=[])
+    for row, more, sound in ((near, 1, True), (far, 1, False), (near, 2, False)):
+        what, value, t, mass, at = design_row_texts(row | {"more": more}).values()
+        assert (not [*tables.design_number_faults([what, value, t, mass, at], stored)]) is sound
+        faults = printed_lines._design_faults_or_note_unread(f"{what}  {value}, at {at} after {t}", stored)
+        assert (not [*faults]) is sound
 
 
 def test_a_file_that_is_written_wrongly_is_said_first_on_the_page_and_is_1(cablefem, monkeypatch):

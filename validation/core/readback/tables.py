@@ -39,11 +39,14 @@ from validation.core.scene_data import ROUNDING, ice_mass_per_length, means_arou
 def design_number_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
     """Faults of a shown design number: value with bar, time, positions of car and of the number along the rope."""
     name, value, when, car_at, at = cells
-    name = re.sub(r" \(\d+ more, larger\)$", "", name)  # after the smallest of several clearances
+    several = re.search(r" \((\d+) more, larger\)$", name)  # after the smallest of several clearances
+    name = name[: several.start()] if several else name
     row = next((x for x in stored.design if quantity_words(x) == name), None)
     if row is None:
         yield f"{name}: no such design number"
         return
+    if several and int(several[1]) != _number_of_larger_clearances(row, stored.design):
+        yield f"{name}: {several[1]} more and larger are said, which are not those that are stored"
     if not shows_design_number(value, row):
         yield f"{name}: {value} where {row['value']} {row['unit']} with the bar {row.get('bar')} is stored"
     where = row if row["value"] is not None else {}
@@ -54,6 +57,12 @@ def design_number_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
     for text, s in ((car_at, where.get("s_o")), (at, where.get("s"))):
         if not shows_decimals(text, s, "m", 1):
             yield f"{name}: at {text} where {s} m is stored"
+
+
+def _number_of_larger_clearances(smallest: Row, design: Sequence[Row]) -> int:
+    """How many other clearances are stored, all of them larger; -1: one is smaller."""
+    values = [x["value"] for x in design if x["quantity"].startswith("clearance_") and x["value"] is not None]
+    return len(values) - 1 if smallest["value"] == min(values, default=None) else -1
 
 
 def motion_design_table_faults(html_text: str, design: Sequence[Row]) -> Faults:

@@ -61,12 +61,12 @@ def _design_faults_or_note_unread(text: str, stored: StoredResults) -> Faults:
         stored.unread.append(text)
         return
     row = max(rows, key=lambda x: len(quantity_words(x)))
-    rest = re.sub(r"^\(\d+ more, larger\)", "", text.removeprefix(quantity_words(row)).strip()).strip()
-    parts = re.fullmatch(r"(.*?)(?:, at ([\d.-]+ m))?(?: after (\S+ s))?", rest)
+    rest = text.removeprefix(quantity_words(row))
+    parts = re.fullmatch(r"( \(\d+ more, larger\))? *(.*?)(?:, at ([\d.-]+ m))?(?: after (\S+ s))?", rest)
     assert parts is not None
-    value, at, when = parts.groups("")
+    more, value, at, when = parts.groups("")
     car = f"{row['s_o']:.1f} m" if row.get("s_o") is not None and row["value"] is not None else ""
-    yield from design_number_faults([quantity_words(row), value, when, car, at], stored)
+    yield from design_number_faults([quantity_words(row) + more, value, when, car, at], stored)
 
 
 def _event_faults_or_note_unread(text: str, stored: StoredResults) -> Faults:
