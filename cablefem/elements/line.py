@@ -34,6 +34,7 @@ Fields = dict[str, Array]  # data of the forms
 DEGREE = 4
 ORDER = 12  # of quadrature
 SOFTEST = 5.0  # first EA over H
+SLACK = 0.1  # smallest tension of the tangent, over that of the guess
 
 
 def _dot_slope(vector, field):
@@ -55,9 +56,9 @@ def weak_force_derivative_by_length(eta, w):
 
 @skfem.BilinearForm
 def weak_force_derivative_by_r(phi, eta, w):
-    """d/dr of `weak_force`."""
+    """d/dr of `weak_force`; across never that of a slack rope, or Newton's method goes astray on its way to rest."""
     both = _dot_slope(phi.grad[:, 0], eta)
-    across = w.N / (w.a * w.h * w.lam)
+    across = np.maximum(w.N, w.N_slack) / (w.a * w.h * w.lam)
     along = w.EA / (w.a * w.h) - across
     return across * both + along * _dot_slope(w.t, phi) * _dot_slope(w.t, eta)
 
@@ -273,7 +274,7 @@ class _LineBatch:
         more = lam - 1.0 - self.N_ref / self.EA
         N = self.N_ref + EA * more
         W = 0.5 * self.N_ref**2 / self.EA + self.N_ref * more + 0.5 * EA * more**2
-        of_elements = {"q": self.q, "a": self.a, "h": h, "EA": EA}
+        of_elements = {"q": self.q, "a": self.a, "h": h, "EA": EA, "N_slack": SLACK * self.N_ref}
         data = {name: np.broadcast_to(x, lam.shape) for name, x in of_elements.items()}
         tangent = slope / length
         return data | {"lam": lam, "N": N, "W": W, "t": tangent, "y": u[1]}
@@ -325,6 +326,7 @@ class _LineBatch:
         last = 1e-9  # last step over the reach
         for i in range(stages, -1, -1):
             self._iterate_newton(i / stages, rough if i else last, stuck)
+        self._iterate_newton(0.0, last, stuck)  # one step more: what the last one leaves may exceed a bar
         solved: list[LineState | NoLineAtRest] = [*self._states()]
         for i in np.flatnonzero(stuck).tolist():
             solved[i] = LineNotConverged("no state of rest was found")

@@ -54,6 +54,37 @@ ASTER = (
     contact("two", "saddle", 200.0, 0.0),
     contact("right", "anchor", 210.0, 0.0),
 )
+EIGHT_SPANS = (
+    {"mass_per_length": 8.73, "EA": 8.2e7, "tension": {"at": "7", "value": 99.1e3}},
+    contact("0", "anchor", 0.0, 0.0),
+    contact("1", "saddle", 146.7, -46.42, shoe=1.0),
+    contact("2", "saddle", 334.1, -102.7, shoe=3.0),
+    contact("3", "saddle", 697.1, -202.0, shoe=2.0),
+    contact("4", "saddle", 1054.5, -287.3, shoe=2.0),
+    contact("5", "saddle", 1702.7, -410.2, shoe=4.0),
+    contact("6", "saddle", 1792.8, -424.1, shoe=5.0),
+    contact("7", "saddle", 2179.9, -474.7, shoe=5.0),
+    contact("8", "anchor", 2588.3, -512.3),
+    car("car", 1251.0, 156.5),
+)
+STEEP_AND_LIGHT = (
+    {"mass_per_length": 0.5366, "EA": 5.209e6, "tension": {"at": "top", "value": 4722.0}},
+    contact("top", "anchor", 0.0, 0.0),
+    contact("foot", "anchor", 566.5, 393.6),
+    car("first", 35.0, 42.21, hauled=False),
+    car("second", 35.0, 48.40),
+)
+FOUR_CARS = (
+    {"mass_per_length": 13.26, "EA": 1.548e8},
+    contact("0", "anchor", 0.0, 0.0),
+    contact("1", "saddle", 254.5, 129.1, shoe=2.5),
+    contact("2", "saddle", 841.6, 511.7, shoe=1.6),
+    contact("3", "counterweight", 1145.8, 756.5, tension=167.9e3),
+    car("0c", 421.0, 187.36, below=2.0),
+    car("1c", 1604.0, 526.37, below=2.0),
+    car("2c", 1686.0, 712.96, below=2.0),
+    car("3c", 2209.0, 805.46, below=2.0),
+)
 
 
 def line_with_tables(given: tuple, text: str) -> Line:

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,7 +12,21 @@ from cablefem.elements import line as elements
 from cablefem.scene import Cable, Scene, SceneError, Supports
 from cablefem.scene.line import Line, LineState, NoLineAtRest
 from cablefem.scene.statics import gripped_rest
-from tests.line.lines import ASTER, SPRUNG, THREE, TRAMWAY, WEIGHED, car, contact, line, line_with_tables
+from tests.line.lines import (
+    ASTER,
+    EIGHT_SPANS,
+    FOUR_CARS,
+    SPRUNG,
+    STEEP_AND_LIGHT,
+    THREE,
+    TRAMWAY,
+    WEIGHED,
+    car,
+    contact,
+    line,
+    line_with_tables,
+)
+from validation.commands.check.line import check_line
 from validation.commands.oracles.study import Task
 from validation.commands.run.line import answer_line
 from validation.oracles import line as oracle
@@ -148,6 +163,19 @@ def test_a_case_without_rest_leaves_the_others(solver):
     light = replace(good.stations[0], force=2e4)
     found = solver([good, replace(good, stations=(light, *good.stations[1:])), good])
     assert [isinstance(x, NoLineAtRest) for x in found] == [False, True, False]
+
+
+@pytest.mark.parametrize("given", [STEEP_AND_LIGHT, EIGHT_SPANS, FOUR_CARS], ids=["steep", "eight spans", "four cars"])
+def test_fine_elements_come_to_the_catenary_from_afar(given):
+    """They were lost where a rope goes slack on the way to rest, and stopped a step too early on long lines."""
+    sound = line(*given).solve_at_rest(catenary_line.solve)
+    fine = line(*given).solve_at_rest(partial(elements.solve, elements=32))
+    np.testing.assert_allclose(fine.states[0].points, sound.states[0].points, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("given", [STEEP_AND_LIGHT, EIGHT_SPANS, FOUR_CARS], ids=["steep", "eight spans", "four cars"])
+def test_sound_lines_agree(given):
+    assert check_line(line(*given, obstacle=[{"name": "tree", "at": 500.0, "top": 900.0}])).verdict.value == "agree"
 
 
 def test_a_car_on_a_shoe_is_not_felt(solver):

@@ -4,11 +4,12 @@ Bars: change in one more Newton step (catenaries); of elements `order.error_bar`
 rounding.
 """
 
+import itertools
 import math
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -51,7 +52,7 @@ class Unit:
     tolerance: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BothAnswers:
     """Both answers to a line, each with a coarser one."""
 
@@ -69,6 +70,7 @@ class BothAnswers:
         """Positions that have a rest in all of them."""
         return [i for i in self.a.states if all(i in rest.states for rest in self.answers_with_coarser)]
 
+    @cached_property
     def design_numbers_of_each(self) -> list[list[Row]]:
         """Design numbers of each answer, followed by the coarser one's, over the positions that all solve."""
         shared = self.positions_solved_by_all
@@ -136,14 +138,16 @@ def worst_state_rows(both: BothAnswers, metres: Unit, newtons: Unit) -> Iterator
             yield _worst_value_row(quantity, values, where, metres if quantity in METRES else newtons)
 
 
-def worst_design_number_rows(designs: Sequence[Sequence[Row]], *units: Unit) -> Iterator[Agreement]:
-    """One row a unit, of the worst design number; designs : as by `BothAnswers.design_numbers_of_each`."""
+def worst_design_number_rows(both: BothAnswers, *units: Unit) -> Iterator[Agreement]:
+    """One row a unit, of the worst design number."""
+    designs = both.design_numbers_of_each
     numbers = [{d["quantity"]: d["value"] for d in design} for design in designs]
     for unit in units:
         names = [d["quantity"] for d in designs[0] if d["unit"] == unit.name]
         names = [name for name in names if all(name in of_answer for of_answer in numbers)]
         values = [np.array([of_answer[name] for name in names]) for of_answer in numbers]
-        yield _worst_value_row("design", values, names, unit)
+        if names:
+            yield _worst_value_row("design", values, names, unit)
 
 
 def _worst_value_row(quantity: str, values: Sequence[Array], where: Sequence[str], unit: Unit) -> Agreement:
@@ -199,8 +203,11 @@ def solve_both_refining_elements(line: Line, second: Line, tol: float, tol_tensi
     while True:
         b = second.solve_at_rest(partial(elements.solve, elements=n), hopeless)
         both = BothAnswers(a, coarser_a, b, coarser_b)
-        rows = [row for row in worst_state_rows(both, *both.units_with_tolerances(tol, tol_tension)) if row.bound.parts]
-        coarse = any(row.bound.parts[1].value > largest_share * (row.required or 0.0) for row in rows)
+        units = both.units_with_tolerances(tol, tol_tension)
+        rows = itertools.chain(worst_state_rows(both, *units), worst_design_number_rows(both, *units))
+        coarse = any(
+            row.bound.parts[1].value > largest_share * (row.required or 0.0) for row in rows if row.bound.parts
+        )
         unsolved = _solved_by_one_row(both) is not None  # finer elements do not help
         if not coarse or unsolved or n >= FINEST:
             return both
@@ -223,10 +230,10 @@ def check_line(
         second = second.replace({f"car.{car.name}.at": list(car.at or ()) for car in line.car})
     both = solve_both_refining_elements(line, second or line, tol, tol_tension)
     units = both.units_with_tolerances(tol, tol_tension)
-    designs = both.design_numbers_of_each()
+    designs = both.design_numbers_of_each
     result = answer_line(line, rest=both.a)
     result = replace(result, design=_design_with_bars(result.design, designs[1], designs[2]))
-    rows = [*worst_state_rows(both, *units), *worst_design_number_rows(designs, *units)]
+    rows = [*worst_state_rows(both, *units), *worst_design_number_rows(both, *units)]
     alone = _solved_by_one_row(both)
     if alone is not None:
         rows.append(alone)
