@@ -76,6 +76,17 @@ def test_what_is_missing_is_named():
         scene.replace({"limits.use": ["skylin"]})
 
 
+def test_a_clearance_with_nothing_to_clear_is_asked_for():
+    """It was left out: "limits met" then, though nobody had said what is below the rope."""
+    scene = TRAMWAY.replace({"obstacle": [], "limits.clearance": 2.0})
+    r = rechecked_quasi_static_run(scene)
+    rows = limits.limit_rows(scene, r.design, r.events)
+    found = verdict_by_limit(rows)
+    for demanded in (2.0, 2.5):  # the scene's and a text's
+        assert found["smallest clearance over obstacles", demanded].startswith("cannot be judged: give obstacles")
+    assert not list(readback.limit_faults(rows, tomllib.loads(scene.to_toml()), r.design, r.events))
+
+
 def test_what_is_not_computed_says_why():
     reasons = [words[3] for words in limits.DEMANDS.values()]
     assert all(": " in reason for reason in reasons if reason.startswith("not computed"))

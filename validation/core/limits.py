@@ -228,6 +228,8 @@ class _ComputedDemandValues:
         grounds = {o.name: o.kind for o in self.scene.obstacle}
         if self.scene.ground:
             grounds[GROUND] = self.limits.ground
+        if not grounds:
+            yield ValueWithBar(math.nan, subject="obstacles", why="give obstacles, or the ground")
         for name, kind in grounds.items():
             key = "limits.ground" if name == GROUND else f"obstacle.{name}.kind"
             if "kind" in rule and kind is None:

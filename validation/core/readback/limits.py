@@ -105,7 +105,7 @@ def _stated_limits(scene: Row) -> Iterator[_StatedLimit]:
     shipped = read_package_toml("cablefem.scene", "limits.toml")
     limits = scene.get("limits", {})
     when = limits.get("when", [])
-    kinds = _kinds_of_obstacles_and_ground(scene)
+    kinds = _kinds_of_obstacles_and_ground(scene) or {"obstacles": None}
     for demand, (words, *_) in shipped["demand"].items():
         if demand in limits:
             for name in kinds if "{}" in words else [""]:
@@ -233,7 +233,7 @@ class _StoredDemandValues:
     def _min_clearance(self, row: Row) -> _ValueAndBar | None:
         """The smallest clearance over a row's obstacle or ground; None if its text needs a kind that nobody gave."""
         name = row["demand"].removeprefix(OVER)
-        if row["source"] != "the scene" and _kinds_of_obstacles_and_ground(self.scene)[name] is None:
+        if row["source"] != "the scene" and _kinds_of_obstacles_and_ground(self.scene).get(name) is None:
             return None
         over = []
         for kind, numbers in self.by_kind.items():
