@@ -1,4 +1,4 @@
-"""Balances at the contacts of a rope, as functions of the values in `ContactState`; derivatives by complex steps.
+"""Bodies at the contacts of a rope; `kernels.bodies` has their balances, by the values in `ContactState`.
 
     C = M (p.. - g j) - F_ext,  [N t] = C + rho ds^2 [r'],  C . tau = f |<r'>|/<|r'|>,  tau = <r'>/|<r'>|
 
@@ -13,22 +13,18 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cablefem.scene.contacts import Array, Car, Contact, MovingLine
 from cablefem.scene.rail import Rail
-
-TINY = 1e-30  # complex step
-DOWN = np.array([0.0, 1.0])
+from galerkin import kernels
 
 
 def length(v: Array) -> Array:
-    """|v|, also of complex vectors."""
+    """|v| of vectors (..., 2)."""
     return np.sqrt(v[..., 0] ** 2 + v[..., 1] ** 2)
 
 
@@ -37,40 +33,40 @@ def dot(a: Array, b: Array) -> Array:
     return (a * b).sum(axis=-1)
 
 
-def downward_normal_component(force: Array, tau: Array) -> Array:
-    """The component normal to tau."""
-    return force[..., 1] * tau[..., 0] - force[..., 0] * tau[..., 1]
-
-
 class OnRail(NamedTuple):
     """The depth y = Y(x) of a car on a rail."""
 
-    p: NDArray[np.intp]  # number of the coordinate y
+    y: int  # numbers of coordinates
     x: int
     rail: Rail
 
-    def set_dependent_coordinates(self, Z: Array) -> None:
-        """Set y and its rates in Z (3, ..., coordinates)."""
-        Z[..., int(self.p[0])] = self.rail.y_with_rates(Z[..., self.x])
+    @property
+    def p(self) -> list[int]:
+        """Coordinates that follow."""
+        return [self.y]
 
-    def fold_dependent_derivatives(self, K: Array, Z: Array, column: Array) -> None:
-        """Add the derivatives by y and its rates to those by x, without the third of Y; K (3, rows, columns)."""
-        x, dx, ddx = Z[:, self.x]
-        _, slope, bend = self.rail.depth_with_derivatives(x)
-        by_y, by_dy, by_ddy = K[..., int(column[self.p[0]])]
-        at = column[self.x]
-        K[0, :, at] += by_y * slope + by_dy * bend * dx + by_ddy * bend * ddx
-        K[1, :, at] += by_dy * slope + by_ddy * 2.0 * bend * dx
-        K[2, :, at] += by_ddy * slope
+    @property
+    def record(self) -> tuple[Any, ...]:
+        """Of `kernels.ON_RAIL`."""
+        return self.y, self.x, rail_record(self.rail)
+
+
+def rail_record(rail: Rail) -> tuple[Any, ...]:
+    """What compiled functions take of a rail."""
+    return rail.begin.x, rail.end.x - rail.begin.x, rail.coefficients
 
 
 class ContactState:
-    """Numbers (..., 26) at a contact: N t behind, ahead; r' behind, ahead; p, angle, c and their rates; s., s..; F."""
+    """Numbers (..., wheels, 26): N t behind, ahead; r' behind, ahead; p, angle, c and their rates; s., s..; F.
+
+    A contact has one wheel; what acts at the rear one of two, where angle, centre and F of the car stand, comes first.
+    """
 
     size = 26
 
     def __init__(self, values: Array) -> None:
-        self.values = x = values
+        self.values = values
+        x = values[..., 0, :]
         self.behind = x[..., 0:2]  # 0 beyond the ends of the rope
         self.ahead = x[..., 2:4]
         self.slope_behind = x[..., 4:6]
@@ -83,10 +79,13 @@ class ContactState:
         self.ddangle = x[..., 20, None]
         self.c = x[..., 11:13]
         self.dc = x[..., 16:18]
-        self.ddc = x[..., 21:23]
         self.ds = x[..., 23]
-        self.dds = x[..., 24]
         self.F = x[..., 25]
+
+    @property
+    def wheels(self) -> list[ContactState]:
+        """Each wheel, from left to right."""
+        return [ContactState(self.values[..., j : j + 1, :]) for j in range(self.values.shape[-2])]
 
     @cached_property
     def tau(self) -> Array:
@@ -107,37 +106,36 @@ class ContactState:
 
 
 class Friction(NamedTuple):
-    """f = hold - sign (rolling |N_c| + brake)."""
+    """f = hold - sign (rolling |N_c| + brake) at the last wheel, and the same without hold at the rear one of two."""
 
     rolling: float = 0.0
-    brake: float | Array = 0.0  # (..., wheels)
+    rear_brake: float = 0.0
+    brake: float = 0.0
     sign: float = 0.0
-    hold: float | Array = 0.0  # (...)
+    hold: float = 0.0
 
 
 class Body:
     """What a contact is tied to: an anchor unless a subclass says more."""
 
+    kind = kernels.ANCHOR
     unknown = ""  # coordinates: x, y, angle t, centre u and v, s, that of the next contact S, F
     contacts = 1
 
-    def state_from_contact_values(self, contact_values: Array) -> Any:
-        """What `balance_rows` takes, from the values (..., contacts, 26)."""
-        return ContactState(contact_values[..., 0, :])
+    @property
+    def rows(self) -> int:
+        """Number of its balances, one per unknown."""
+        return len(self.unknown)
 
-    def balance_rows(self, x: Any, friction: Friction) -> Array:
-        """The balances (..., n), one per unknown, zero where they hold."""
-        return np.empty((*x.ds.shape, 0))
+    @property
+    def record(self) -> Any:
+        """What its compiled balances take: attributes of these names."""
+        out = np.zeros(1, kernels.BODY)
+        for name in kernels.BODY.names or ():
+            out[name] = getattr(self, name, 0)
+        return out
 
-    def balance_row_derivatives(self, contact_values: Array, friction: Friction) -> Array:
-        """d(balance rows)/d(contact values) (n, contacts, 26)."""
-        shape = contact_values.shape
-        shifts = 1j * TINY * np.eye(contact_values.size).reshape(-1, *shape)
-        shifted = self.state_from_contact_values(contact_values + shifts)
-        by = self.balance_rows(shifted, friction).imag / TINY
-        return by.T.reshape(-1, *shape)
-
-    def energies(self, x: Any) -> Array:
+    def energies(self, x: ContactState) -> Array:
         """Kinetic, strain and potential energy (3, ...) [J]."""
         return np.zeros((3, *x.ds.shape))
 
@@ -145,23 +143,19 @@ class Body:
 class Saddle(Body):
     """A support over which the rope runs without friction."""
 
+    kind = kernels.SADDLE
     unknown = "s"
-
-    def balance_rows(self, x: ContactState, friction: Friction) -> Array:
-        return (length(x.ahead) - length(x.behind))[..., None]
 
 
 class Spring(Body):
     """An elastic support."""
 
+    kind = kernels.SPRING
     unknown = "xy"
 
     def __init__(self, contact: Contact) -> None:
         self.stiffness = np.array(contact.stiffness)
         self.point = np.array(contact.point)
-
-    def balance_rows(self, x: ContactState, friction: Friction) -> Array:
-        return x.behind - x.ahead + self.stiffness * (x.p - self.point)
 
     def energies(self, x: ContactState) -> Array:
         strain = 0.5 * (self.stiffness * (x.p - self.point) ** 2).sum(axis=-1)
@@ -172,17 +166,15 @@ class Spring(Body):
 class Counterweight(Body):
     """The rope beyond the pulley has the strain of G and no mass."""
 
+    kind = kernels.COUNTERWEIGHT
     unknown = "s"
 
     def __init__(self, contact: Contact, outward: float, line: MovingLine) -> None:
         """outward : 1 at the right end of the rope, -1 at its left end."""
         self.force = contact.force or math.nan
         self.outward = outward
-        self.mass = self.force / line.gravity
         self.lift = outward * (1.0 + self.force / line.rope.EA)  # of the weight, over the motion of s
-
-    def balance_rows(self, x: ContactState, friction: Friction) -> Array:
-        return (length(x.ahead + x.behind) - self.force - self.mass * self.lift * x.dds)[..., None]
+        self.mass_of_rise = self.force / line.gravity * self.lift
 
 
 class CarBody(Body):
@@ -192,6 +184,8 @@ class CarBody(Body):
 
     def __init__(self, car: Car, line: MovingLine) -> None:
         self.car = car
+        self.mass = car.mass
+        self.wind = car.drive.wind
         self.gravity = line.gravity
         self.rho = line.rope.mass_per_length
         self.k = car.drive.k  # of drag [kg/m]
@@ -209,64 +203,59 @@ class CarBody(Body):
         """Forces of the brakes on the wheels (..., wheels) [N], from left to right, with the car at s (...)."""
         return np.asarray(self.car.drive.brake_force(s))[..., None]
 
-    def turning_body_centre_and_velocity(self, x: Any) -> tuple[Array, Array]:
+    def turning_body_centre_and_velocity(self, x: ContactState) -> tuple[Array, Array]:
         """Point and velocity (..., 2) of the centre of mass of what turns, else of the car."""
         raise NotImplementedError
 
-    def drag_drive_and_swing_powers(self, x: Any) -> dict[str, Array]:
+    def drag_drive_and_swing_powers(self, x: ContactState) -> dict[str, Array]:
         """Powers (...) [W] by cause, but those of friction, grip and hold."""
         raise NotImplementedError
 
-    def force_on_rope(self, wheel: ContactState) -> Array:
-        """The force (..., 2) on the rope at a wheel, by the balance of the pieces beside it."""
-        flow = (self.rho * wheel.ds**2)[..., None]
-        turning = flow * (wheel.slope_ahead - wheel.slope_behind)
-        return wheel.behind - wheel.ahead + turning
+    def forces(self, x: ContactState) -> Array:
+        """Of `kernels.set_forces_on_car`, (..., FORCES)."""
+        *instants, wheels, size = x.values.shape
+        forces = kernels.forces_on_car(self.record, x.values.reshape(-1, wheels, size).astype(complex))
+        return np.asarray(forces.reshape(*instants, -1))
 
-    def wheel_states(self, x: Any) -> Sequence[ContactState]:
-        """The contacts, from left to right."""
-        return (x,)
+    def force_needed_from_rope(self, x: ContactState) -> Array:
+        """C (..., 2) [N], the force that car and cabin need, by their motion."""
+        return self.forces(x)[..., 0:2]
 
-    def normal_wheel_loads(self, x: Any) -> Array:
+    def force_on_rope(self, x: ContactState) -> Array:
+        """The force (..., 2) on the rope at the last wheel, by the balance of the pieces beside it."""
+        return self.forces(x)[..., 2 * self.contacts : 2 * self.contacts + 2]
+
+    def normal_wheel_loads(self, x: ContactState) -> Array:
         """Forces of the wheels on the rope (..., wheels) [N] normal to tau, positive down."""
-        raise NotImplementedError
+        return self.forces(x)[..., 6 : 6 + self.contacts]
 
-    def tangential_force_on_last_wheel(self, x: Any) -> Array:
+    def tangential_force_on_last_wheel(self, x: ContactState) -> Array:
         """Force (...) [N] of the rope on the last wheel along tau."""
-        raise NotImplementedError
+        return dot(-self.force_on_rope(x), x.wheels[-1].tau)
 
-    def drag_force(self, velocity: Array) -> Array:
-        """Force (..., 2) [N] of the air, wind included."""
-        if self.k == 0.0:
-            return np.zeros_like(velocity)
-        air = velocity - np.array([self.car.drive.wind, 0.0])
-        return -self.k * length(air)[..., None] * air
+    def drag_power(self, x: ContactState) -> Array:
+        """[W], wind included."""
+        return dot(self.forces(x)[..., 9:], self.turning_body_centre_and_velocity(x)[1])
 
-    @staticmethod
-    def friction_and_brake_forces(loads: Array, friction: Friction) -> Array:
-        """Sizes (..., wheels) [N] of both, of wheels that press on the rope with loads (..., wheels) [N]."""
-        return friction.rolling * loads * np.sign(loads.real) + friction.brake
-
-    def max_friction_plus_brake_force(self, x: Any, friction: Friction) -> float:
+    def max_friction_plus_brake_force(self, x: ContactState, friction: Friction) -> float:
         """Sum over the wheels [N] of what friction and brakes can give."""
-        return float(self.friction_and_brake_forces(self.normal_wheel_loads(x), friction).sum())
-
-    def signed_friction_and_hold(self, loads: Array, friction: Friction) -> Array:
-        """f of each wheel (..., wheels) [N]; what holds a car holds the last one."""
-        out = -friction.sign * self.friction_and_brake_forces(loads, friction)
-        out[..., -1] += friction.hold
-        return out
+        loads = np.abs(self.normal_wheel_loads(x))
+        return float((friction.rolling * loads).sum() + friction.rear_brake + friction.brake)
 
 
 class PointCar(CarBody):
     """A point mass, with a cabin that swings or without; unless s or F is unknown it grips the rope."""
 
+    kind = kernels.POINT_CAR
+
     def __init__(self, car: Car, line: MovingLine) -> None:
         super().__init__(car, line)
         hanger = car.hanger
         self.unknown = {"grip": "xy", "haul": "xyF", "haul_x": "ysF", "free": "xys"}[car.drive_kind]
+        self.on_rail = car.rail is not None
         if car.rail is not None:
             self.unknown = self.unknown.replace("y", "")
+            self.rail = rail_record(car.rail)
         self.m = self.h = self.about_hanger = self.damping = 0.0
         self.turns = hanger is not None
         if hanger is not None:
@@ -287,45 +276,8 @@ class PointCar(CarBody):
         e1, e2 = self.cabin_axes(x)
         return x.p + self.h * e2, x.dp + self.h * x.dangle * e1
 
-    def force_needed_from_rope(self, x: ContactState) -> Array:
-        """C (..., 2) [N], the force that car and cabin need, by their motion."""
-        own = self.car.mass * (x.ddp - self.gravity * DOWN) - x.F[..., None] * x.tau
-        if not self.turns:
-            return own - self.drag_force(x.dp)
-        e1, e2 = self.cabin_axes(x)
-        swinging = self.m * self.h * (x.ddangle * e1 - x.dangle**2 * e2)
-        return own + swinging - self.drag_force(self.turning_body_centre_and_velocity(x)[1])
-
-    def normal_wheel_loads(self, x: ContactState) -> Array:
-        return -downward_normal_component(self.force_needed_from_rope(x), x.tau)[..., None]
-
     def tangential_force_on_last_wheel(self, x: ContactState) -> Array:
-        return dot(self.force_needed_from_rope(x) if self.car.rail is None else -self.force_on_rope(x), x.tau)
-
-    def balance_rows(self, x: ContactState, friction: Friction) -> Array:
-        C = self.force_needed_from_rope(x)
-        on_rope = self.force_on_rope(x)
-        balance = on_rope + C
-        if self.car.rail is not None:  # the shoe is normal to the path
-            slope = self.car.rail.depth_with_derivatives(x.p[..., 0])[1]
-            balance = (balance[..., 0] + slope * balance[..., 1])[..., None]
-        rows = [balance]
-        if self.turns:
-            rows.append(self.cabin_moment_balance(x))
-        if self.unknown[-1] in "sF":
-            loads = -downward_normal_component(C, x.tau)[..., None]
-            slip = self.signed_friction_and_hold(loads, friction)[..., 0]
-            along = dot(C if self.car.rail is None else -on_rope, x.tau)
-            rows.append((along - slip * x.cos_phi)[..., None])
-        return np.concatenate(rows, axis=-1)
-
-    def cabin_moment_balance(self, x: ContactState) -> Array:
-        """Balance of moments of the cabin about the hanger (..., 1)."""
-        e1, e2 = self.cabin_axes(x)
-        weight = self.gravity * e2[..., 0]
-        drag = self.drag_force(self.turning_body_centre_and_velocity(x)[1])
-        hanging = self.m * self.h * (dot(x.ddp, e1) + weight) - self.h * dot(drag, e1)
-        return self.about_hanger * x.ddangle + self.damping * x.dangle + hanging[..., None]
+        return super().tangential_force_on_last_wheel(x) if self.on_rail else dot(self.force_needed_from_rope(x), x.tau)
 
     def energies(self, x: ContactState) -> Array:
         carriage = self.car.mass - self.m
@@ -341,7 +293,6 @@ class PointCar(CarBody):
         if self.damping:
             powers["swing"] = -self.damping * x.dangle[..., 0] ** 2
         if self.car.drive_kind != "grip":
-            velocity = self.turning_body_centre_and_velocity(x)[1]
-            powers["drag"] = dot(self.drag_force(velocity), velocity)
+            powers["drag"] = self.drag_power(x)
             powers[self.driven] = x.F * dot(x.tau, x.dp)
         return powers

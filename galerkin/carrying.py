@@ -8,7 +8,7 @@ from cablefem.newmark import State
 from cablefem.scene.contacts import Array
 from cablefem.shoes import LineSnapshot, Passage, line_and_snapshot_after_passage, line_snapshot
 from galerkin.lines import LineSines
-from galerkin.segments import Layout, basis_functions_and_derivatives
+from galerkin.segments import Layout, basis_functions
 
 
 def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple[LineSines, State]:
@@ -102,7 +102,7 @@ def positions_slopes_and_velocities_at(layout: Layout, Z: Array, s: Array) -> Ar
     h = at[i + 1] - at[i]
     xi = (s - at[i]) / h
     ds_of_xi = ds[i] + xi * (ds[i + 1] - ds[i])
-    B, slopes = basis_functions_and_derivatives(xi, layout.terms)[:2, :, None]  # (m, 1, M)
+    B, slopes = (basis_functions(xi, layout.terms, order)[:, None] for order in range(2))  # (m, 1, M)
     u, du = Z[:2, layout.columns[i, :-2]].reshape(2, s.size, -1, 2)
     r = (B @ u)[:, 0]
     slope = (slopes @ u)[:, 0] / h[:, None]
@@ -128,7 +128,8 @@ def _fit_segment(old: Layout, before: Array, layout: Layout, Z: Array, i: int) -
         of_inner = root * (wanted - ends)
         Z[order, columns[inner]] = np.linalg.lstsq(root * functions[:, inner], of_inner, rcond=None)[0]
 
-    B, slopes = tables.B[:2]
+    B = tables.B
+    slopes = tables.of_q[: tables.points.size]
     h = b - a
     fit(0, slopes, slope * h)
     fit(1, B, velocity + ds[:, None] * (slopes @ Z[0, columns]) / h)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -13,7 +13,8 @@ from cablefem.newmark import State
 from cablefem.scene.contacts import Array, Contact, MovingLine
 from cablefem.shoes import OffRopeState, contacts_with_shoe_forces, downward_normals, off_rope_motion_and_powers
 from galerkin.bodies import Body, CarBody, ContactState, Counterweight, Friction, PointCar, length
-from galerkin.segments import Layout, Rope, basis_functions_and_derivatives
+from galerkin.kernels import LineValues
+from galerkin.segments import Layout, basis_functions
 
 if TYPE_CHECKING:
     from galerkin.line_off_rope import CarOffRope
@@ -74,15 +75,15 @@ def _rope_history(system: LineSines, states: Sequence[State], s: Array) -> RopeH
     energies = np.empty((3, n))
     integration = _legendre_integration_matrix(layout)
     at_once = 64  # states
+    no_friction = np.zeros((at_once, layout.contacts, len(Friction._fields)))
     for first in range(0, n, at_once):
         some = slice(first, first + at_once)
         coordinates = [system.coordinates_with_rates(x) for x in states[some]]
-        Z = np.stack(coordinates, axis=1)
-        rope = Rope(layout, Z)
-        contact_values[some] = system.equations.contact_values(rope, Z)
-        positions[some] = Z[0][:, layout.s]
-        energies[:, some] = _rope_energies(rope)
-        points[some], tension[some] = _points_and_tensions(rope, Z[0], s, integration)
+        values = system.equations.evaluate(np.stack(coordinates, axis=1), no_friction)
+        contact_values[some] = values.contact_values.real
+        positions[some] = values.Z[0][:, layout.s]
+        energies[:, some] = _rope_energies(layout, values)
+        points[some], tension[some] = _points_and_tensions(layout, values, s, integration)
     beyond = (s < positions[:, :1]) | (s > positions[:, -1:])
     points[beyond] = np.nan
     tension[beyond] = np.nan
@@ -111,13 +112,13 @@ def _motion_and_powers_off_rope(
     return off_rope_motion_and_powers(line, body.car, states, off_rope, contacts)
 
 
-def _car_powers(system: LineSines, k: int, states: Sequence[State], s: Array, at: Any) -> dict[str, Array]:
+def _car_powers(system: LineSines, k: int, states: Sequence[State], s: Array, at: ContactState) -> dict[str, Array]:
     """Powers (n,) [W] of a car at contact k of the rope, named as in `LineMotion`; s (n,) of its front wheel."""
     line = system.line
     body = system.cars[k]
     name = body.car.name
     drive = body.car.drive
-    wheels = body.wheel_states(at)
+    wheels = at.wheels
     x = wheels[-1]
     powers = {f"{name} {cause}": power for cause, power in body.drag_drive_and_swing_powers(at).items()}
     if drive.mode == "grip":
@@ -128,8 +129,7 @@ def _car_powers(system: LineSines, k: int, states: Sequence[State], s: Array, at
     before_jump = np.append(times[1:] <= times[:-1], False)
     reached = s - 1e-9 * before_jump  # of two states at a brake the first is short of it
     rolling = drive.mu_r if body.car.rail is None else 0.0  # a shoe has no friction
-    friction = Friction(rolling, body.brake_forces_of_wheels(reached))
-    resisting = body.friction_and_brake_forces(body.normal_wheel_loads(at), friction)
+    resisting = rolling * np.abs(body.normal_wheel_loads(at)) + body.brake_forces_of_wheels(reached)
     lost = np.zeros(s.size)
     for wheel, force in zip(wheels, resisting.T, strict=True):
         lost += wheel.mean_stretch * force * np.abs(wheel.ds)
@@ -146,16 +146,15 @@ def _counterweight_power(line: MovingLine, body: Counterweight, at: ContactState
     return body.outward * at.ds * entering
 
 
-def _car_motion(body: CarBody, s: Array, at: Any) -> CarMotion:
+def _car_motion(body: CarBody, s: Array, at: ContactState) -> CarMotion:
     """A car with the positions s (n, wheels); of two wheels x is the front one."""
     car = body.car
-    wheels = body.wheel_states(at)
-    rear = wheels[0]
+    wheels = at.wheels
     x = wheels[-1]
     loads = body.normal_wheel_loads(at)
     haul_force = grip_force = np.full(len(s), np.nan)
     if car.drive.mode == "haul":
-        haul_force = rear.F
+        haul_force = at.F
     if car.drive_kind == "grip":
         grip_force = body.tangential_force_on_last_wheel(at) / x.cos_phi
     shoe_force = np.zeros(len(s))
@@ -168,20 +167,19 @@ def _car_motion(body: CarBody, s: Array, at: Any) -> CarMotion:
             wheel_motions.append(_wheel_motion(f"{car.name}.{side}", wheels[i], s[:, i], loads[:, i]))
     return CarMotion(
         name=car.name, s=s[:, -1], ds=x.ds, point=x.p, velocity=x.dp, acceleration=x.ddp,
-        tension_behind=length(rear.behind), tension_ahead=length(x.ahead), slope_behind=rear.slope_behind,
+        tension_behind=length(at.behind), tension_ahead=length(x.ahead), slope_behind=at.slope_behind,
         slope_ahead=x.slope_ahead, haul_force=haul_force, grip_force=grip_force,
         contact_force=loads.sum(axis=-1), shoe_force=shoe_force, turning=_turning_motion(body, at, wheel_motions),
     )  # fmt: skip
 
 
-def _turning_motion(body: CarBody, at: Any, wheels: Sequence[WheelMotion]) -> Turning | None:
+def _turning_motion(body: CarBody, at: ContactState, wheels: Sequence[WheelMotion]) -> Turning | None:
     """How the body turns, if it does; wheels : rear and front, if it stands on two."""
     if not body.turns:
         return None
-    x = body.wheel_states(at)[0]
     centre, _ = body.turning_body_centre_and_velocity(at)
     return Turning(
-        angle=x.angle[:, 0], rate=x.dangle[:, 0], acceleration=x.ddangle[:, 0], centre=centre, wheels=tuple(wheels),
+        angle=at.angle[:, 0], rate=at.dangle[:, 0], acceleration=at.ddangle[:, 0], centre=centre, wheels=tuple(wheels),
     )  # fmt: skip
 
 
@@ -223,15 +221,22 @@ def _material_force(line: MovingLine, force: Array, ds: Array) -> Array:
     return W - N * stretch + 0.5 * rope.mass_per_length * (ds * stretch) ** 2
 
 
-def _rope_energies(rope: Rope) -> Array:
+def _rope_energies(layout: Layout, values: LineValues) -> Array:
     """Kinetic, strain and potential energy (3, n) [J]."""
-    line = rope.layout.line
-    kinetic = 0.5 * line.rope.mass_per_length * (rope.r[1] ** 2).sum(axis=-1)
-    strain = 0.5 * line.rope.EA * (rope.tensions.stretch - 1.0) ** 2
-    potential = -line.weight_per_length * rope.r[0, ..., 1]
+    rope = layout.line.rope
+    tables = layout.tables
+    s, ds = values.Z[:2, :, layout.s]  # (n, contacts)
+    h = np.diff(s)[..., None]
+    dxi = -(ds[:, :-1, None] + tables.points * np.diff(ds)[..., None]) / h  # of a point of the rope
+    u, du = values.Z[:2, :, layout.columns[:, :-2]].reshape(2, *h.shape[:2], -1, 2)
+    slopes = tables.of_q[: tables.points.size]
+    velocity = tables.B @ du + dxi[..., None] * (slopes @ u)  # (n, S, G, 2)
+    depth = (tables.B @ u)[..., 1]
+    kinetic = 0.5 * rope.mass_per_length * (velocity**2).sum(axis=-1)
+    strain = 0.5 * values.N**2 / rope.EA
+    potential = -layout.line.weight_per_length * depth
     densities = np.stack([kinetic, strain, potential])  # (3, n, S, G)
-    weights = rope.layout.tables.weights * rope.h[0]
-    return (weights * densities).sum(axis=(-2, -1))
+    return (tables.weights * h * densities).sum(axis=(-2, -1))
 
 
 def _legendre_integration_matrix(layout: Layout) -> Array:
@@ -243,23 +248,24 @@ def _legendre_integration_matrix(layout: Layout) -> Array:
     return np.asarray(0.5 * legendre.legint(coefficients, lbnd=-1.0, axis=0))
 
 
-def _points_and_tensions(rope: Rope, coordinates: Array, s: Array, integration: Array) -> tuple[Array, Array]:
+def _points_and_tensions(layout: Layout, values: LineValues, s: Array, integration: Array) -> tuple[Array, Array]:
     """Points (n, m, 2) and tensions (n, m) at s, on the segment behind a contact: N t at L and the load from there.
 
-    coordinates (n, layout.size);  integration : `_legendre_integration_matrix`
+    integration : `_legendre_integration_matrix`
     """
-    layout = rope.layout
+    coordinates = values.Z[0]
     n = len(coordinates)
     contact_s = coordinates[:, layout.s]
     row = np.arange(n)[:, None]
     i = np.sum(contact_s[:, 1:-1, None] < s, axis=1)  # segments (n, m)
-    h = rope.h[0, row, i]  # (n, m, 1)
-    xi = (s - contact_s[row, i]) / h[..., 0]
+    left = contact_s[row, i]
+    h = (contact_s[row, i + 1] - left)[..., None]  # (n, m, 1)
+    xi = (s - left) / h[..., 0]
     u = coordinates[:, layout.columns[:, :-2]].reshape(n, layout.segments, -1, 2)
-    B = basis_functions_and_derivatives(xi.ravel(), layout.terms)[0].reshape(n, s.size, -1)
+    B = basis_functions(xi.ravel(), layout.terms).reshape(n, s.size, -1)
     points = (B[..., None, :] @ u[row, i])[..., 0, :]
-    integrals = (integration @ rope.inertia_and_weight)[row, i]  # (n, m, G + 1, 2)
+    integrals = (integration @ values.inertia_and_weight)[row, i]  # (n, m, G + 1, 2)
     legendres = legendre.legvander(2.0 * xi - 1.0, len(integration) - 1)
     load = h * (legendres[..., None, :] @ integrals)[..., 0, :]
-    minus_force_at_left = rope.balance_rows[row, i, -2]
+    minus_force_at_left = values.rope_rows[-2, row, i]
     return points, length(load - minus_force_at_left)

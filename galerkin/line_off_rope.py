@@ -44,14 +44,14 @@ class CarOffRope:
             x[:, [10, 15, 20]] = Z[:, :, self.layout.angle_off_rope[car.name]].T
         x[:, [4, 6]] = 1.0  # the rail in the place of the rope
         x[:, [5, 7]] = car.rail.depth_with_derivatives(x[:, 8])[1][:, None]
-        return ContactState(x)
+        return ContactState(x[:, None])
 
     def complete_residuals(self, x: ContactState, r: Array) -> None:
         """Add the grip to the residuals r (n, rows) of n instants, and set the row of the cabin."""
         if self.saddle_row is not None:
             r[:, self.saddle_row] -= dot(self.body.force_needed_from_rope(x), x.tau)
         if self.angle_row is not None:
-            r[:, self.angle_row] = self.body.cabin_moment_balance(x)[:, 0]
+            r[:, self.angle_row] = self.body.forces(x)[:, 8]
 
     def complete_derivatives(self, x: ContactState, K: Array) -> None:
         """The same for the derivatives K (3, rows, rows) at one instant; drag and motion of the point change little."""

@@ -10,7 +10,6 @@ import numpy as np
 from cablefem.newmark import StepFailure
 from cablefem.scene.contacts import Array, Contact, MovingLine
 from galerkin.bodies import Friction
-from galerkin.segments import Rope, Softness
 from galerkin.trolley import rotate
 
 if TYPE_CHECKING:
@@ -54,7 +53,7 @@ def _rest_by_stiffening_rope(search: RestSearch, tension: float) -> Array:
     rest = guess_sagging_chords(search.system, search.Z)
     soft = min(1.0, 5.0 * tension / layout.line.rope.EA)
     for fraction in np.geomspace(soft, 1.0, SOFTENED + 1).tolist():
-        layout.softness = Softness(tension, fraction)
+        search.soften_rope(tension, fraction)
         rest = search.solve(rest)
     return rest
 
@@ -82,10 +81,16 @@ class RestSearch:
         self.system = system
         self.equations = system.held_equations
         self.Z = Z
-        self.frictions = [Friction() for _ in self.equations.bodies]
+        self.frictions = np.zeros((1, len(self.equations.bodies), len(Friction._fields)))
         for k, body in system.cars.items():
             if body.car.travel is not None:
-                self.frictions[k] = Friction(body.car.drive.mu_r, sign=system.line.travel_direction(body.car, 0))
+                sign = system.line.travel_direction(body.car, 0)
+                self.frictions[0, k] = Friction(body.car.drive.mu_r, sign=sign)
+
+    def soften_rope(self, tension: float, fraction: float) -> None:
+        """Let the rope resist changes of this tension [N] with a fraction of its stiffness."""
+        EA = fraction * self.system.line.rope.EA
+        self.equations.line = self.equations.line._replace(EA=EA, N=(1.0 - fraction) * tension)
 
     def coordinates(self, unknowns: Array) -> Array:
         """All coordinates (3, layout.size) with these unknowns."""
@@ -102,8 +107,7 @@ class RestSearch:
         Z = self.coordinates(unknowns)
         if not (np.diff(Z[0, self.system.layout.s]) > 0.0).all():
             return math.inf
-        rope = Rope(self.system.layout, Z)
-        r = self.equations.residual(rope, self.equations.contact_values(rope, Z), self.frictions)
+        r = self.equations.evaluate(Z[:, None], self.frictions).r
         return float(np.linalg.norm(r))
 
     def solve(self, guess: Array) -> Array:
@@ -114,7 +118,9 @@ class RestSearch:
         before = math.inf
         bound = TOL * self.system.line.rope.EA
         for _ in range(ITERATIONS):
-            r, K = self.equations.residual_and_derivatives(self.coordinates(unknowns), self.frictions)
+            Z = self.coordinates(unknowns)[:, None]
+            values, K = self.equations.evaluate_with_derivatives(Z, self.frictions)
+            r = values.r[0]
             step = np.linalg.solve(np.where(forces, K[2], K[0]), r)
             now = float(np.linalg.norm(r))
             if now <= bound and now >= 0.5 * before:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,25 +15,19 @@ from cablefem.newmark import ACCELERATION_ONLY, Solve, State, StepFailure, Syste
 from cablefem.scene.contacts import NEAREST, Array, Contact, MovingLine
 from galerkin.bodies import CarBody, Friction
 from galerkin.equations import overwriting_lu_solver_or_nan
+from galerkin.kernels import LineValues, evaluate_unknowns
 from galerkin.line_equations import LineEquations, body_at_contact
 from galerkin.line_events import WatchedEvents
 from galerkin.line_observe import observe
 from galerkin.line_off_rope import CarOffRope
 from galerkin.line_rest import chord_lengths, coordinates_at_rest
-from galerkin.segments import Layout, Rope
+from galerkin.segments import Layout
 
 TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
-CACHED_INSTANTS = 8  # instants whose prescribed coordinates are kept: a step's nodes are evaluated several times
+CACHED_INSTANTS = 8  # whose prescribed coordinates are kept: a step's nodes are evaluated several times
 NUDGE = 1e-4  # [s] for the velocity of a line that starts in motion
-
-
-class Balance(NamedTuple):
-    """Forces of the rope at the end of a step."""
-
-    t: float
-    a: Array  # of the state
-    N: Array  # (S, G) [N]
-    contact_values: Array  # (contacts, 26)
+SIGN = Friction._fields.index("sign")
+HOLD = Friction._fields.index("hold")
 
 
 class Linearised(NamedTuple):
@@ -66,16 +61,16 @@ class LineSines(System):
         weight_of_rope = line.weight_per_length * float(chord_lengths(line).sum())
         self.force_scale = max((line.gravity * car.mass for car in line.cars_on_rope), default=weight_of_rope)
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA
-        self.frictions = [Friction() for _ in bodies]
+        self.frictions = np.zeros((len(bodies), len(Friction._fields)))
         self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
         self.watched = WatchedEvents(line, bodies, self.cars)
         self.events = self.watched.names
         self.off_rope = self._cars_off_rope()
         self._acting_off_rope = [car for car in self.off_rope.values() if car.acts_in_rows]
-        self._prescribed: dict[tuple[float, int], Array] = {}
-        self._force_events: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
-        self._last_balance: Balance | None = None  # of the last residuals
-        self._instants: tuple[Array, int, Array] | None = None  # t, phase and what is prescribed of the last residuals
+        self._fixed_coordinates = self._coordinates_of_supports()
+        self._prescribed = lru_cache(CACHED_INSTANTS)(self._compute_prescribed)
+        self._events: tuple[State | None, tuple[float, ...]] = (None, ())  # of the last state that was watched
+        self._last_end: tuple[float, Array, LineValues] | None = None  # t, a and values of the last residuals
         self._linearised: Linearised | None = None
 
     def _cars_off_rope(self) -> dict[str, CarOffRope]:
@@ -92,77 +87,63 @@ class LineSines(System):
     # --- coordinates -------------------------------------------------------------------------------------------------
     def prescribed_coordinates(self, t: float, phase: int) -> Array:
         """All coordinates with their rates (3, layout.size), zero where unknown; a copy."""
-        if (t, phase) not in self._prescribed:
-            if len(self._prescribed) >= CACHED_INSTANTS:
-                self._prescribed.clear()
-            self._prescribed[t, phase] = self._compute_prescribed(t, phase)
-        return self._prescribed[t, phase].copy()
+        return self._prescribed((t,), phase)[:, 0].copy()
 
-    def _compute_prescribed(self, t: float, phase: int) -> Array:
+    def _coordinates_of_supports(self) -> Array:
+        """What supports prescribe, (3, 1, layout.size)."""
+        layout = self.layout
+        Z = np.zeros((3, 1, layout.size))
+        for k, contact in enumerate(self.line.contacts_and_wheels):
+            if isinstance(contact, Contact):
+                Z[0, 0, layout.x[k]], Z[0, 0, layout.y[k]] = contact.point
+        Z[0, 0, layout.s[-1]] = self.line.rope.length or 0.0
+        return Z
+
+    def _compute_prescribed(self, times: tuple[float, ...], phase: int) -> Array:
+        """What is prescribed at these times, (3, n, layout.size)."""
         line = self.line
         layout = self.layout
-        Z = np.zeros((3, layout.size))
-        for k, contact in enumerate(line.contacts_and_wheels):
-            if isinstance(contact, Contact):
-                Z[0, layout.x[k]], Z[0, layout.y[k]] = contact.point
+        Z = self._fixed_coordinates.repeat(len(times), axis=1)
         for k, body in self.cars.items():
             car = body.car
             front = self.travel_contact[k]
             if car.travel is not None:
                 at = layout.x if car.drive_kind == "haul_x" else layout.s
-                Z[:, at[front]] = line.prescribed_position_with_rates(car, t, phase)
+                Z[:, :, at[front]] = np.array([line.prescribed_position_with_rates(car, t, phase) for t in times]).T
             else:
-                Z[0, layout.s[front]] = car.drive.start
-                Z[2, layout.F[k]] = line.thrust(car, t, phase)
-        Z[0, layout.s[-1]] = line.rope.length or 0.0
+                Z[0, :, layout.s[front]] = car.drive.start
+                Z[2, :, layout.F[k]] = [line.thrust(car, t, phase) for t in times]
         return Z
 
     def coordinates_with_rates(self, x: State) -> Array:
         """All coordinates of a state with their rates (3, layout.size)."""
-        return self._set_unknown_and_dependent_coordinates(self.prescribed_coordinates(x.t, x.phase), x.q, x.v, x.a)
-
-    def _set_unknown_and_dependent_coordinates(self, Z: Array, q: Array, v: Array, a: Array) -> Array:
-        """Set the unknowns in Z (3, ..., layout.size), and what follows from them; return Z."""
-        Z[..., self.equations.free] = q, v, a
+        Z = self.prescribed_coordinates(x.t, x.phase)
+        Z[:, self.equations.free] = x.q, x.v, x.a
         self.layout.set_dependent_coordinates(Z)
         return Z
 
-    def frictions_at(self, t: Array | float) -> list[Friction]:
-        """Friction at all contacts at the time or times t."""
-        present = list(self.frictions)
-        for k, body in self.free_cars.items():
-            drive = body.car.drive
-            fractions = [drive.remaining_hold_fraction(at) for at in np.ravel(t).tolist()]
-            hold = self.holds[k] * np.reshape(fractions, np.shape(t))
-            present[k] = present[k]._replace(hold=hold)
-        return present
+    def frictions_at(self, times: Sequence[float]) -> Array:
+        """Frictions at all contacts, (n, contacts, 5)."""
+        frictions = self.frictions[None].repeat(len(times), axis=0)
+        for k, hold in self.holds.items():
+            fractions = [self.cars[k].car.drive.remaining_hold_fraction(t) for t in times]
+            frictions[:, k, HOLD] = hold * np.array(fractions)
+        return frictions
 
     # --- the system --------------------------------------------------------------------------------------------------
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         return self.residuals(np.array([t]), q[None], v[None], a[None], phase)[0]
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
-        Z = self._prescribed_at_times(t, phase)  # (3, n, layout.size)
-        Z = self._set_unknown_and_dependent_coordinates(Z, q, v, a)
-        s = Z[0][:, self.layout.s]
-        if not (s[:, 1:] > s[:, :-1]).all():
-            return np.full(q.shape, np.nan)
-        rope = Rope(self.layout, Z)
-        contact_values = self.equations.contact_values(rope, Z)
-        self._last_balance = Balance(t.item(-1), a[-1], rope.tensions.N[-1], contact_values[-1])
-        r = self.equations.residual(rope, contact_values, self.frictions_at(t))
+        times = tuple(t.tolist())
+        prescribed = self._prescribed(times, phase)
+        values = evaluate_unknowns(self.equations.line, prescribed, q, v, a, self.frictions_at(times))
+        self._last_end = times[-1], a[-1], values
         for car in self._acting_off_rope:
-            car.complete_residuals(car.contact_state(t, Z, phase), r)
-        r[:, self._sticking_rows] = 0.0
-        return r
-
-    def _prescribed_at_times(self, t: Array, phase: int) -> Array:
-        """Prescribed coordinates (3, n, layout.size), kept for the same array t: residuals of a step have the same."""
-        last = self._instants
-        if last is None or last[0] is not t or last[1] != phase:
-            prescribed = [self.prescribed_coordinates(at, phase) for at in t.tolist()]
-            last = self._instants = t, phase, np.stack(prescribed, axis=1)
-        return last[2].copy()
+            car.complete_residuals(car.contact_state(t, values.Z, phase), values.r)
+        for row in self._sticking_rows:
+            values.r[:, row] = 0.0
+        return values.r
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         state = np.array([q, v, a])
@@ -177,12 +158,13 @@ class LineSines(System):
 
     def _residual_and_derivatives(self, x: State) -> tuple[Array, Array]:
         """The residual, and its derivatives (3, n_dof, n_dof) by q, v, a."""
-        Z = self.coordinates_with_rates(x)
-        r, K = self.equations.residual_and_derivatives(Z, self.frictions_at(x.t))
+        Z = self.coordinates_with_rates(x)[:, None]
+        values, K = self.equations.evaluate_with_derivatives(Z, self.frictions_at([x.t]))
         for car in self._acting_off_rope:
-            state = car.contact_state(np.array([x.t]), Z[:, None], x.phase)
-            car.complete_residuals(state, r[None])
+            state = car.contact_state(np.array([x.t]), Z, x.phase)
+            car.complete_residuals(state, values.r)
             car.complete_derivatives(state, K)
+        r = values.r[0]
         for row in self._sticking_rows:  # s.. = 0, exactly: its column has no part in the rest
             r[row] = 0.0
             K[:, row] = K[:, :, row] = 0.0
@@ -195,11 +177,10 @@ class LineSines(System):
             self.begin_step(state)
             return self.with_acceleration(state)
         rest = coordinates_at_rest(self)
-        rope = Rope(self.layout, rest)
-        contact_values = self.held_equations.contact_values(rope, rest)
-        self._require_taut_rope_on_saddles(rope.tensions.N, contact_values)
+        values = self.held_equations.evaluate(rest[:, None], self.frictions[None])
+        self._require_taut_rope_on_saddles(values)
         for k in self.free_cars:
-            self._set_release_friction_or_raise(k, rest, contact_values)
+            self._set_release_friction_or_raise(k, rest, values)
         free = self.equations.free
         forces = self.equations.forces
         q = np.where(forces, 0.0, rest[0, free])
@@ -212,9 +193,9 @@ class LineSines(System):
         self.begin_step(x)
         return self.with_acceleration(x)
 
-    def _require_taut_rope_on_saddles(self, N: Array, contact_values: Array) -> None:
+    def _require_taut_rope_on_saddles(self, values: LineValues) -> None:
         """StepFailure where the rope at rest is slack or lifts off a saddle."""
-        tension, *pressures = self._min_tension_and_saddle_pressures(N, contact_values)
+        tension, *pressures = self._min_tension_and_saddle_pressures(values)
         pressure = min(pressures, default=0.0)
         if min(tension, pressure) < 0.0:
             at_rest = f"at rest the smallest tension is {tension:.6g} N"
@@ -249,14 +230,11 @@ class LineSines(System):
     # --- friction: a car is named by its contact k, of two wheels the rear one ----------------------------------------
     def begin_step(self, x: State) -> None:
         """Keep the direction of friction, and the brakes that act, for one step."""
-        Z = self.coordinates_with_rates(x)
         for k, body in self.cars.items():
             if not body.car.drive.has_friction_or_brakes or body.car.rail is not None:  # a shoe has no friction
                 continue
-            at = self.layout.s[self.travel_contact[k]]
-            s = float(Z[0, at])
-            ds = Z[1, at]
-            sign = self.frictions[k].sign
+            s, ds, _ = self.coordinates_with_rates(x)[:, self.layout.s[self.travel_contact[k]]].tolist()
+            sign = self.frictions[k, SIGN]
             if k not in self.free_cars:
                 sign = self.line.travel_direction(body.car, x.phase)
             elif abs(ds) > TURNING:
@@ -266,27 +244,31 @@ class LineSines(System):
     def _set_friction(self, k: int, s: float, sign: float) -> None:
         """Set friction and brakes of a car at s against a motion of this sign; 0: they hold it."""
         body = self.cars[k]
-        self.frictions[k] = Friction(body.car.drive.mu_r, body.brake_forces_of_wheels(s), sign)
-        self._linearised = None
+        *rear, last = body.brake_forces_of_wheels(s).tolist()
+        friction = Friction(body.car.drive.mu_r, sum(rear), last, sign)
+        if Friction(*self.frictions[k]) != friction:
+            self.frictions[k] = friction
+            self._linearised = None
+            self._events = None, ()
 
-    def _set_release_friction_or_raise(self, k: int, Z: Array, contact_values: Array) -> None:
+    def _set_release_friction_or_raise(self, k: int, Z: Array, values: LineValues) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
         body = self.cars[k].copy_held_without_drag()
-        state = self.held_equations.contact_state(contact_values, k)
-        cos_phi = float(body.wheel_states(state)[-1].cos_phi)
+        state = self.held_equations.contact_state(values.contact_values[-1], k)
+        cos_phi = float(state.wheels[-1].cos_phi)
         drive = body.car.drive
         thrust = self.line.thrust(body.car, 0.0, 0) * math.cos(drive.thrust_angle)
         self.holds[k] = float(body.tangential_force_on_last_wheel(state)) / cos_phi
         needed = self.holds[k] - thrust / cos_phi
         s = float(Z[0, self.layout.s[self.travel_contact[k]]])
         self._set_friction(k, s, -float(np.sign(needed)))
-        available = body.max_friction_plus_brake_force(state, self.frictions[k])
+        available = body.max_friction_plus_brake_force(state, Friction(*self.frictions[k]))
         if drive.has_friction_or_brakes and abs(needed) <= available:
             raise StepFailure(0.0, f"friction or brakes hold {body.car.name} where it begins", "begin on steeper rope")
 
     def _sticks(self, k: int) -> bool:
         """Whether friction holds a car."""
-        return self.frictions[k].sign == 0.0
+        return self.frictions[k, SIGN] == 0.0
 
     @property
     def _sticking_rows(self) -> list[int]:
@@ -298,31 +280,31 @@ class LineSines(System):
         coordinate = self.layout.s[self.travel_contact[k]]
         return int(np.flatnonzero(self.equations.free == coordinate)[0])
 
-    def _needed_friction(self, k: int, t: float, contact_values: Array) -> float:
+    def _needed_friction(self, k: int, t: float, values: LineValues) -> float:
         """Force [N] along the rope that friction and brakes give a car which sticks, at its last wheel."""
         body = self.cars[k]
-        state = self.equations.contact_state(contact_values, k)
-        last_wheel = body.wheel_states(state)[-1]
+        state = self.equations.contact_state(values.contact_values[-1], k)
+        last_wheel = state.wheels[-1]
         needed = body.tangential_force_on_last_wheel(state) / last_wheel.cos_phi
-        return float(needed - self.frictions_at(t)[k].hold)
+        return float(needed - self.frictions_at([t])[0, k, HOLD])
 
-    def _friction_margin(self, k: int, t: float, contact_values: Array) -> float:
+    def _friction_margin(self, k: int, t: float, values: LineValues) -> float:
         """What friction and brakes could give a car which sticks, less what they give [N]; inf while it slips."""
         if not self._sticks(k):
             return math.inf
-        state = self.equations.contact_state(contact_values, k)
-        available = self.cars[k].max_friction_plus_brake_force(state, self.frictions[k])
-        return available - abs(self._needed_friction(k, t, contact_values))
+        state = self.equations.contact_state(values.contact_values[-1], k)
+        available = self.cars[k].max_friction_plus_brake_force(state, Friction(*self.frictions[k]))
+        return available - abs(self._needed_friction(k, t, values))
 
     def _stick_or_slip_from_rest(self, k: int, x: State) -> State:
         """The state after a standstill: friction holds the car, or it slips."""
         held = self._set_slip_return_state(k, x, 0.0)
-        margin = self._friction_margin(k, held.t, self._contact_values_of(held))
+        margin = self._friction_margin(k, held.t, self._values_at(held))
         return held if margin > 0.0 else self._start_slipping(k, held)
 
     def _start_slipping(self, k: int, x: State) -> State:
         """The state in which a car that sticks gives way to what pulls it."""
-        pulled = -self._needed_friction(k, x.t, self._contact_values_of(x))
+        pulled = -self._needed_friction(k, x.t, self._values_at(x))
         return self._set_slip_return_state(k, x, math.copysign(1.0, pulled))
 
     def _set_slip_return_state(self, k: int, x: State, slip_sign: float) -> State:
@@ -335,67 +317,53 @@ class LineSines(System):
         a[row] = 0.0
         return self.with_acceleration(x._replace(v=v, a=a))
 
-    def _contact_values_of(self, x: State) -> Array:
-        Z = self.coordinates_with_rates(x)
-        return self.equations.contact_values(Rope(self.layout, Z), Z)
+    def _values_at(self, x: State) -> LineValues:
+        """What acts in a state, at the last instant of these; at the end of a step those of its residual."""
+        last = self._last_end
+        if last is not None and last[0] == x.t and np.array_equal(last[1], x.a):
+            return last[2]
+        return self.equations.evaluate(self.coordinates_with_rates(x)[:, None], self.frictions[None])
 
     # --- events ------------------------------------------------------------------------------------------------------
     def event_values(self, x: State) -> tuple[float, ...]:
-        Z = self.coordinates_with_rates(x)
+        if self._events[0] is not x:
+            self._events = x, tuple(self._compute_event_values(x))
+        return self._events[1]
+
+    def _compute_event_values(self, x: State) -> Iterator[float]:
         watched = self.watched
-        s, ds = Z[:2, self.layout.s].tolist()
+        s, ds = self.coordinates_with_rates(x)[:2, self.layout.s].tolist()
         gaps = [s[i + 1] - s[i] - NEAREST for i in watched.gaps]
-        speeds = []
+        yield from gaps
         for k in watched.stops:
-            slip = ds[self.travel_contact[k]] * self.frictions[k].sign
-            speeds.append(math.inf if self._sticks(k) else slip)
-        to_brakes = [position - s[self.travel_contact[k]] for k, position in watched.brakes]
-        forces = self._force_event_values(x, Z, contacts_in_order=min(gaps, default=1.0) > 0.0)
-        passing = []
+            yield math.inf if self._sticks(k) else ds[self.travel_contact[k]] * self.frictions[k, SIGN]
+        for k, position in watched.brakes:
+            yield position - s[self.travel_contact[k]]
+        in_order = min(gaps, default=1.0) > 0.0
+        for value in self._force_event_values(x):
+            yield value if in_order else math.inf
         for passage in watched.passages:
             position, speed = self.car_point_and_rates(passage.car, x)[:2, 0].tolist()
-            passing.append(passage.distance_to_go(position, speed))
-        return *gaps, *speeds, *to_brakes, *forces, *passing
+            yield passage.distance_to_go(position, speed)
 
-    def _force_event_values(self, x: State, Z: Array, contacts_in_order: bool) -> list[float]:
-        """Loads of wheels, tension of the rope, pressures on saddles, margins of friction [N]; stored for one state."""
-        watched = self.watched
-        if not contacts_in_order:
-            wheels = sum(body.contacts for body in self.cars.values())
-            return [math.inf] * (wheels + 1 + len(watched.saddles) + len(watched.stops))
-        if self._force_events[0] is not x:
-            N, contact_values = self._tensions_and_contact_values(x, Z)
-            loads = [self._watched_wheel_loads(k, contact_values) for k in self.cars]
-            margins = [self._friction_margin(k, x.t, contact_values) for k in watched.stops]
-            of_rope = self._min_tension_and_saddle_pressures(N, contact_values)
-            values = np.concatenate([*loads, of_rope, margins])
-            self._force_events = x, values.tolist()
-        return self._force_events[1]
+    def _force_event_values(self, x: State) -> Iterator[float]:
+        """Loads of wheels, tension of the rope, pressures on saddles, margins of friction [N]."""
+        values = self._values_at(x)
+        for k, body in self.cars.items():  # a car does not leave a shoe
+            loads = values.forces_on_cars[-1, k, 6 : 6 + body.contacts].real.tolist()
+            yield from loads if body.car.rail is None else [math.inf]
+        yield from self._min_tension_and_saddle_pressures(values)
+        for k in self.watched.stops:
+            yield self._friction_margin(k, x.t, values)
 
-    def _watched_wheel_loads(self, k: int, contact_values: Array) -> Array:
-        """Loads (wheels,) [N] of a car; inf on a shoe, which a car does not leave."""
-        body = self.cars[k]
-        if body.car.rail is not None:
-            return np.array([math.inf])
-        state = self.equations.contact_state(contact_values, k)
-        return body.normal_wheel_loads(state)
-
-    def _tensions_and_contact_values(self, x: State, Z: Array) -> tuple[Array, Array]:
-        """Tensions (S, G) and contact values of x; at the end of a step those of its residual."""
-        last = self._last_balance
-        if last is None or last.t != x.t or not np.array_equal(last.a, x.a):
-            rope = Rope(self.layout, Z)
-            return rope.tensions.N, self.equations.contact_values(rope, Z)
-        return last.N, last.contact_values
-
-    def _min_tension_and_saddle_pressures(self, N: Array, contact_values: Array) -> list[float]:
-        """The smallest mean of the tensions (S, G) over a shortest wave, and the rope's force down on each saddle [N].
+    def _min_tension_and_saddle_pressures(self, values: LineValues) -> list[float]:
+        """The smallest mean of tensions over a shortest wave, and the force of the rope down on each saddle [N].
 
         EA multiplies the error of a strain: at a point a coarse sum of sines may be compressed where the rope is taut.
         """
-        down = contact_values[:, 3] - contact_values[:, 1]
-        pressures = down[self.watched.saddles].tolist()
-        means = N[self.layout.outer] @ self.layout.tables.means.T  # (S, P)
+        x = values.contact_values[-1].real
+        pressures = (x[:, 3] - x[:, 1])[self.watched.saddles].tolist()
+        means = values.N[-1, self.layout.outer] @ self.layout.means.T  # (S, P)
         return [float(means.min()), *pressures]
 
     def apply_event(self, name: str, x: State) -> State | None:

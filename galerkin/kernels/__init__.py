@@ -3,6 +3,16 @@
 phi (n, m): Phi' at the points; x: a `InertiaTerms`; Q, V, A (2, n): coefficients and rates.
 """
 
+from galerkin.kernels.bodies import (
+    ANCHOR,
+    BODY,
+    COUNTERWEIGHT,
+    POINT_CAR,
+    SADDLE,
+    SPRING,
+    TROLLEY,
+    forces_on_car,
+)
 from galerkin.kernels.cable import (
     Cable,
     Points,
@@ -11,6 +21,18 @@ from galerkin.kernels.cable import (
     smoothed_min_tension_and_position,
 )
 from galerkin.kernels.instant import CableSines
+from galerkin.kernels.line import (
+    FOLLOWER,
+    ON_RAIL,
+    Coordinates,
+    Line,
+    LineValues,
+    Tables,
+    evaluate_line,
+    evaluate_unknowns,
+    set_dependent_coordinates,
+)
+from galerkin.kernels.line_derivatives import evaluate_line_and_set_derivatives
 from galerkin.kernels.rolling import MIN_TENSION
 from galerkin.kernels.steps import (
     StepsTaken,

@@ -13,6 +13,7 @@ from cablefem.newmark import State, StepFailure, Work, integrate, scheme, step_t
 from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car, Elastic, MovingLine
 from galerkin.bodies import Friction
+from galerkin.carrying import positions_slopes_and_velocities_at
 from galerkin.line_rest import coordinates_at_rest
 from galerkin.lines import LineSines
 from tests.motion.lines import (
@@ -62,7 +63,8 @@ def test_tangent_is_the_derivative(bodies):
         for c in (*ALL.contacts[:-1], free, ALL.contacts[-1])
     ]
     system, x = system_and_random_state(dataclasses.replace(ALL, contacts=tuple(cars)))
-    _, tangent = system.equations.residual_and_derivatives(system.coordinates_with_rates(x), system.frictions_at(1.0))
+    Z = system.coordinates_with_rates(x)[:, None]
+    _, tangent = system.equations.evaluate_with_derivatives(Z, system.frictions_at([1.0]))
     rng = np.random.default_rng(5)
     for which, part, step in ((1, tangent[0], 1e-4), (2, tangent[1], 1e-3), (3, tangent[2], 1e-1)):
         largest = np.abs(part).max(axis=0)
@@ -76,6 +78,22 @@ def test_tangent_is_the_derivative(bodies):
             e[j] = min(sizes[j], 10.0 * step)
             difference = 8.0 * (residual(e) - residual(-e)) - residual(2.0 * e) + residual(-2.0 * e)
             np.testing.assert_allclose(difference / 12.0, part @ e, atol=1e-6 * (np.abs(part @ e).max() + 1e-3))
+
+
+def test_inertia_is_that_of_points_of_the_rope():
+    """Second differences of r at fixed s, while contacts move along the rope."""
+    system, x = system_and_random_state(ALL)
+    layout, Z, dt = system.layout, system.coordinates_with_rates(x), 1e-3
+    values = system.equations.evaluate(Z[:, None], system.frictions_at([x.t]))
+    s = Z[0, layout.s[:-1], None] + layout.tables.points * np.diff(Z[0, layout.s])[:, None]
+    before, now, after = (
+        positions_slopes_and_velocities_at(layout, np.stack([Z[0] + t * Z[1] + 0.5 * t**2 * Z[2], Z[1]]), s.ravel())[0]
+        for t in (-dt, 0.0, dt)
+    )
+    acceleration = (after - 2.0 * now + before) / dt**2
+    want = ROPE["mass_per_length"] * (acceleration - [0.0, 9.81])
+    got = values.inertia_and_weight[0].reshape(want.shape)
+    np.testing.assert_allclose(got, want, atol=1e-5 * np.abs(want).max())
 
 
 def test_newton_doubles_the_digits():
@@ -94,7 +112,8 @@ def frequencies(scene, terms):
     """Of the line with its cars held, rising [1/s]."""
     system = LineSines(scene, terms)
     rest = coordinates_at_rest(system)
-    _, K = system.equations.residual_and_derivatives(rest, [Friction() for _ in scene.contacts])
+    frictions = np.array([[Friction() for _ in scene.contacts]])
+    _, K = system.equations.evaluate_with_derivatives(rest[:, None], frictions)
     return np.sort(np.sqrt(eig(K[0], K[2], right=False).real))
 
 
