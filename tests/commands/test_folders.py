@@ -1,5 +1,7 @@
 """Where results go, and what is refused."""
 
+import fcntl
+import os
 from functools import cache
 from pathlib import Path
 
@@ -38,6 +40,21 @@ def test_a_file_of_a_name_that_is_to_be_written_is_refused_and_left_alone(cablef
         "nothing was written; choose another folder with --out"
     ]
     assert file_contents(tmp_path) == before
+
+
+def test_a_second_command_at_once_is_kept_out_of_a_folder(cablefem, tmp_path):
+    """The page was headed by one scene and held the answer of the other."""
+    (tmp_path / "x").mkdir()
+    other = os.open(tmp_path / "x", os.O_RDONLY)
+    fcntl.flock(other, fcntl.LOCK_EX)
+    code, out, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")
+    assert (code, out) == (2, "")
+    assert fault_lines(err) == [
+        "another command is writing to x; nothing was written; choose another folder with --out"
+    ]
+    assert file_contents(tmp_path / "x") == {}
+    os.close(other)
+    assert cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")[0] == 0
 
 
 def test_results_stand_beside_files_of_ones_own_and_of_other_commands(cablefem, tmp_path):

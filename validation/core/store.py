@@ -1,7 +1,9 @@
 """Folders of results.  A command replaces results of ours; what is not ours is never deleted or written over."""
 
+import fcntl
 import json
 import math
+import os
 import tomllib
 from collections.abc import Callable, Sequence
 from importlib import resources
@@ -30,9 +32,43 @@ def study_folder_name(name: str, quick: bool) -> str:
     return f"{name}-quick" if quick else name
 
 
-def claim_and_clear_folder(out: Path | None, command: str, scene: Any, writes: Sequence[str]) -> Path:
-    """The folder for a command's results, made and marked; Refused if a file that is not ours has one of their names.
+_held: dict[Path, int] = {}  # descriptors of locked folders
 
+
+def _close_in_fork() -> None:
+    """A fork that outlives this process must not hold its folders."""
+    for descriptor in _held.values():
+        os.close(descriptor)
+    _held.clear()
+
+
+os.register_at_fork(after_in_child=_close_in_fork)
+
+
+def _lock_folder(folder: Path) -> None:
+    """Keep other processes out of the folder until `unlock_folder`, or until this one ends."""
+    if folder.resolve() in _held:
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise Refused(f"another command is writing to {folder}; {_REMEDY}") from None
+    except OSError:
+        pass  # a file system without locks
+    _held[folder.resolve()] = descriptor
+
+
+def unlock_folder(folder: Path) -> None:
+    """Let other processes claim the folder."""
+    os.close(_held.pop(folder.resolve()))
+
+
+def claim_and_clear_folder(out: Path | None, command: str, scene: Any, writes: Sequence[str]) -> Path:
+    """The folder for a command's results, made, locked and marked.
+
+    Refused if a file that is not ours has one of their names, and while another process holds the folder.
     out : None: cablefem-out/SCENE.
     scene : the Scene, or the command's name.  The command's results of another scene are deleted, and results of
         other commands that have a file in common with the new ones.
@@ -42,6 +78,7 @@ def claim_and_clear_folder(out: Path | None, command: str, scene: Any, writes: S
     folder = ROOT / name if out is None else out
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        _lock_folder(folder)
         results = _read_marker(folder).get("results", {})
         _refuse_foreign_files(folder, results, writes)
         for other, result in list(results.items()):

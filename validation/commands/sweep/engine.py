@@ -1,7 +1,6 @@
 """The loop of a sweep on Dask, in chunks of scenes."""
 
 import asyncio
-import fcntl
 import logging
 import os
 import signal
@@ -72,7 +71,8 @@ def sweep(
     says what is stored.
     sweep("riders.toml", Path("riders"))
     """
-    with _lock_folder(store.claim_and_clear_folder(out, "sweep", study.name, WRITES)):
+    store.claim_and_clear_folder(out, "sweep", study.name, WRITES)
+    try:
         _store_or_refuse_study(study, out)
         before = finished_indices(out)
         todo = deque(i for i in range(len(study)) if i not in before)
@@ -92,6 +92,8 @@ def sweep(
             except KeyboardInterrupt:
                 stored = f"{tally.done} of {tally.total} scenes are stored in {out}"
                 raise KeyboardInterrupt(f"{stored}; the same command goes on from there") from None
+    finally:
+        store.unlock_folder(out)
     return tally
 
 
@@ -197,17 +199,6 @@ def read_rows(out: Path, *columns: str) -> "DataFrame":
 def finished_indices(out: Path) -> set[int]:
     """Indices of the scenes that have a row."""
     return set(read_rows(out, "status").index) if any((out / "rows").glob("*.parquet")) else set()
-
-
-@contextmanager
-def _lock_folder(out: Path) -> Iterator[None]:
-    """Keep a second call out of the folder while this one writes."""
-    with (out / ".lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise Refused(f"{out}: another sweep is writing there") from None
-        yield
 
 
 def _store_or_refuse_study(study: Study, out: Path) -> None:
