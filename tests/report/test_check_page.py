@@ -14,12 +14,14 @@ import pytest
 
 from cablefem.response import Response
 from cablefem.scene import Scene
+from tests.report.figures import drawn_panels
 from validation.commands.check import page as check
 from validation.core.foreign import ForeignPath
 from validation.core.quantities import design_row_texts, factor_and_prefixed_unit
+from validation.core.scene_data import conversion_factor_or_nan
 from validation.page import page
 from validation.page.answer.stored import read_stored_check_if_started
-from validation.page.plot import PURPLE
+from validation.page.plot import BLUE, PURPLE, VERMILLION
 from validation.page.scene_keys import scene_keys_table
 from validation.page.side_view import side_view_of_runs
 
@@ -52,6 +54,38 @@ def test_a_whole_report(report_file):
     assert text.count('<svg role="img"') == text.count("<figcaption") >= 5
     assert text.count("&lt;scene&gt;") == 2
     assert re.findall(r"(?i)\bnan\b|\binf(?:inity)?\b|undefined", re.sub(r'"[A-Za-z0-9+/=]{200,}"', "", text)) == []
+
+
+def quantity_by_title(r):
+    """Values (n,) and SI unit of what a panel of the page shows of a run."""
+    return {
+        "depth below the left support": (r.y, "m"),
+        "speed": (r.speed, "m/s"),
+        "position along the rope": (r.s_o, "m"),
+        "press of the car on the rope": (r.F_contact, "N"),
+        "left support": (np.hypot(*r.reaction_left.T), "N"),
+        "right support": (np.hypot(*r.reaction_right.T), "N"),
+        "behind the car": (r.T_behind, "N"),
+        "ahead of the car": (r.T_ahead, "N"),
+        "smallest along the rope": (r.tension_min, "N"),
+    }
+
+
+def test_curves_on_the_page_are_the_stored_series_by_the_words_at_their_axes(stored_check, report_file):
+    panels = [panel for panel in drawn_panels(report_file.read_text(encoding="utf-8")) if panel.title]
+    runs = dict(zip((BLUE, VERMILLION), read_stored_check_if_started(stored_check).runs, strict=True))
+    assert {panel.title for panel in panels} == set(quantity_by_title(runs[BLUE]))
+    for panel in panels:
+        for colour, r in runs.items():
+            values, si = quantity_by_title(r)[panel.title]
+            y = values / conversion_factor_or_nan(panel.unit, si)
+            x = {"time [s]": r.t, "metres along the rope": r.s_o}[panel.over]
+            known = np.isfinite(y)
+            drawn_x, drawn_y = panel.curves[colour]
+            assert np.max(np.abs(drawn_x - x[known])) < 0.2 * panel.pixel[0], panel.title
+            expected = y[known].clip(drawn_y.min(), drawn_y.max())
+            allowed = 0.2 * panel.pixel[1] + 1e-3 * np.abs(expected)  # places of words have a tenth of a pixel
+            assert np.all(np.abs(drawn_y - expected) < allowed), panel.title
 
 
 def test_the_outcome_comes_first(check_copy):

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
+from tests.report.figures import drawn_panels
 from validation.page import page
 from validation.page.figures import captioned_figure, figure_with_axes, inline_svg, report_style
 from validation.page.page import Section, html_table, number_text, percent_text, write_page
-from validation.page.plot import Panel
+from validation.page.plot import BLUE, Panel, svg_figure
 
 EVIL = '<script>alert(7)</script> & "co"'
 
@@ -184,3 +185,20 @@ def test_an_axis_shows_changes_and_no_rounding_errors(spread, told):
     panel.fit_y_axis([3.69 * np.array([1.0, 1.0 + spread, 1.0])])
     assert panel.low < 3.69 <= 3.69 * (1.0 + spread) < panel.high
     assert (panel.high - panel.low < 2.0 * 3.69 * spread) is told
+
+
+def test_a_depth_points_down_and_a_crowded_curve_keeps_its_extremes():
+    x = np.linspace(0.0, 50.0, 20_001)
+    y = 30.0 + 4.0 * np.sin(x)
+    y[[7_000, 13_000]] = 37.0, 23.0
+    panel = Panel("[m]", "depth", down=True)
+    panel.fit_y_axis([y])
+    panel.add_curve(x, y, BLUE)
+    (drawn,) = drawn_panels(str(svg_figure([panel], (0.0, 60.0), "time [s]", "A depth.")))
+    at, depth = drawn.curves[BLUE]
+    close = 1.1 * drawn.pixel[1]
+    assert abs(depth.max() - 37.0) < close
+    assert abs(depth.min() - 23.0) < close
+    smooth = np.abs(depth - 30.0) < 4.5
+    assert np.max(np.abs(depth - 30.0 - 4.0 * np.sin(at))[smooth]) < 4.0 * drawn.pixel[0] + close
+    assert panel._height_on_paper(34.0) > panel._height_on_paper(26.0)
