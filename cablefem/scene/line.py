@@ -450,10 +450,15 @@ class Line(Described):
 
     def solve_empty_line(self, solve: Solver) -> LineState:
         """The line without cars, ice and heat, s from its left end; SceneError where it has no rest."""
-        case = self.empty_line_case(self.cable.length)
+        rope = self.cable
+        case = self.empty_line_case(rope.length)
         result = solve([case])[0]
         if isinstance(result, NoLineAtRest):
-            raise SceneError([f"the empty line: {result}{needed_counterweight_text([case], solve)}"])
+            held = (
+                f" with cable.tension.value = {rope.tension.value:.6g} N at {rope.tension.at}" if rope.tension else ""
+            )
+            held = held if isinstance(result, LineNotConverged) else ""
+            raise SceneError([f"the empty line: {result}{held}{needed_counterweight_text([case], solve)}"])
         state = _refused_if_unsound(result)
         if isinstance(state, NoLineAtRest):
             raise SceneError([f"the empty line: {state}"])

@@ -158,6 +158,19 @@ def test_a_car_too_heavy_for_its_rope_is_not_called_a_short_rope(solver):
     assert "no tension below EA" in str(found.positions[0])
 
 
+def test_an_empty_line_without_rest_names_the_tension_that_does_not_do(solver):
+    """Level and empty, a rope needs 0.754 times span and weight per length at its ends."""
+    ends = contact("left", "anchor", 0.0, 0.0), contact("right", "anchor", 600.0, 0.0)
+    for share, does in ((0.8, True), (0.75, False)):
+        tension = {"at": "left", "value": share * 600.0 * 9.0 * 9.81}
+        given = line({"mass_per_length": 9.0, "EA": 1.4e9, "tension": tension}, *ends)
+        if does:
+            assert given.solve_at_rest(solver).states
+            continue
+        with pytest.raises(SceneError, match=r"with cable.tension.value = 39730.5 N at left"):
+            given.solve_at_rest(solver)
+
+
 def test_a_case_without_rest_leaves_the_others(solver):
     good = line(*TRAMWAY).case_at_position(0, 1300.0)
     light = replace(good.stations[0], force=2e4)
