@@ -13,11 +13,12 @@ from cablefem.scene.line import Line
 from tests.commands.calls import fault_lines
 from tests.motion.lines import BODIES
 from validation.commands.check.motion import check_line, compare_and_check_laws
-from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, motion_answers
+from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answer_line, motion_answers
 from validation.core import motion_laws
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_laws import faults_of_line_files
 from validation.core.motion_rows import LineTolerance
+from validation.core.readback import line_outcome_faults
 from validation.page.motion import motion_sections
 
 EVERYTHING = """
@@ -424,3 +425,43 @@ def test_a_thrust_that_ends_does_no_work_at_its_last_time():
     moved = LineRuns(ELEMENTS, line).run(1, 1)
     sampled = motion_laws.SampledMotion(motion_laws.LineTables(line.to_toml()), moved.motion)
     assert np.abs(motion_laws.momentum_defects_by_window(sampled, moved.end)).max() < 3e-4
+
+
+RIDER = {
+    "cable": {"mass_per_length": 0.9, "EA": 8e6, "length": 253.0},
+    "contact": [
+        {"name": "low", "kind": "anchor", "at": [0.0, 0.0]}, {"name": "high", "kind": "anchor", "at": [250.0, -20.0]},
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("drive", "kind"),
+    [
+        ({"start": 245.0, "end": {"time": 5.0}}, "rolling"),
+        ({"start": 40.0, "thrust": -300.0}, "rolls_back"),
+        ({"start": 40.0, "thrust": 900.0}, "arrives"),
+        ({"start": 245.0, "rolling_friction": 0.05}, "stuck"),
+        ({"start": 40.0, "thrust": 300.0, "brake": [{"from": 80.0, "force": 700.0}]}, "stopped_by_brake"),
+    ],
+)
+def test_the_outcome_of_a_rider_on_a_line_is_of_the_kind_it_has_on_one_span(drive, kind, tmp_path):
+    rider = {"name": "rider", "mass": 90.0, "drive": {"mode": "free", "end": {"time": 60.0}, "drag_area": 1.0} | drive}
+    line = Line(**RIDER, car=[rider])
+    answers = answer_line(line)
+    assert answers.outcome.kind == kind
+    answers.write(tmp_path, 1.0)
+    assert list(line_outcome_faults(tmp_path)) == []
+
+
+def test_a_ride_is_the_same_however_long_its_end_time_waits():
+    def ride(end_time):
+        drive = {"mode": "free", "start": 245.0, "rolling_friction": 0.02, "drag_area": 0.5, "end": {"time": end_time}}
+        line = Line(**RIDER, car=[{"name": "rider", "mass": 90.0, "drive": drive}])
+        return answer_line(line)
+
+    short = ride(60.0)
+    long = ride(3000.0)
+    assert short.status == long.status == "complete"
+    assert long.t[-1] == pytest.approx(short.t[-1], rel=1e-3)
+    assert long.t.size < 1.5 * short.t.size

@@ -48,7 +48,10 @@ def averaging_time_sentence(r: Response) -> str:
 ONE_SPAN_OUTCOMES = (
     "breaks", "arrives", "stopped_by_brake", "stuck", "rolls_back", "rolling", "crossed", "stopped", "incomplete",
 )  # fmt: skip
-LINE_OUTCOMES = ("breaks", "collides", "carries", "ends", "arrives", "incomplete")
+LINE_OUTCOMES = (
+    "breaks", "collides", "carries", "ends", "arrives", "stopped_by_brake", "stuck", "rolls_back", "rolling",
+    "incomplete",
+)  # fmt: skip
 
 
 class Outcome(NamedTuple):

@@ -85,6 +85,24 @@ def shortest_time_on_rail(system: Any, state: State) -> float:
     return float(min(times, default=0.0))
 
 
+def shortest_crossing_time(line: MovingLine, empty: LineState) -> float:
+    """About the shortest time [s] in which a free car crosses the longest span; inf without one.
+
+    Its speed is that of a fall from the highest support to the lowest point of the rope below it, with its thrust.
+    """
+    span = float(np.diff(empty.points[:, 0]).max())
+    fall = float(np.ptp(np.concatenate([empty.points[:, 1], empty.middle[:, 1]])))
+    N = float(np.nanmin(empty.station_tensions))
+    speed = 0.0
+    for car in line.cars_on_rope:
+        if car.drive_kind == "free":
+            deflection = car.mass * line.gravity * span / (4.0 * N)
+            thrust = max((abs(force) for _, force in car.drive.thrust_table), default=0.0)
+            work = line.gravity * (fall + deflection) + thrust * span / car.mass  # over the mass
+            speed = max(speed, math.sqrt(2.0 * work))
+    return span / speed if speed else math.inf
+
+
 def shoe_holds_down_sentences(line: Line, motion: LineMotion) -> list[str]:
     """Where a shoe would have to hold a car down, and which speed or length of the shoe would do without.
 
@@ -247,8 +265,9 @@ class LineRuns:
         self.coarsest = max(method.coarsest, math.ceil(method.on_wave * waves / coarser))
         phases = self.line.phases
         if like is None:
-            # coarsest steps: 120 in a run, 4 in a period of the pitch
-            rate = max(120 / self.line.t_end, 4.0 / (shortest * coarser))
+            # coarsest steps: 120 in a run, 40 while the fastest free car crosses a span, 4 in a period of the pitch
+            crossing = shortest_crossing_time(self.line, empty)
+            rate = max(120 / self.line.t_end, 40 / crossing, 4.0 / (shortest * coarser))
             self.grid = [np.linspace(t0, t1, max(2, math.ceil(rate * (t1 - t0))) + 1) for t0, t1 in phases]
             self.instants = np.unique(np.concatenate(self.grid))
         else:
@@ -368,7 +387,7 @@ class MotionAnswers(LineAnswers):
 
     @property
     def outcome(self) -> Outcome:
-        """Kinds: incomplete, breaks, collides, ends, arrives; the first that holds."""
+        """Kinds: incomplete, breaks, collides, how the ride ends; the first that holds."""
         parts = []
         if self.moved.reason is not None:
             parts.append(Outcome("incomplete", f"the run broke: {self.moved.reason}"))
@@ -418,16 +437,34 @@ class MotionAnswers(LineAnswers):
         if run.events and run.events[-1][1] >= run.end * almost:
             name, t = run.events[-1]
             sentence = f"{before}{name} after {t:.1f} s with {positions}"
+            kind = self._kind_of_ride_that_ends_by(name)
             if run.end >= run.instants[-1] * almost:
-                return Outcome("ends", sentence)
+                return Outcome(kind, sentence)
             several = len(self.cars) > 1
             stand = name.endswith(" stops") and several  # a run goes on while a car moves
             whose = "for all cars " if several else ""
             how = "all cars stand" if stand else f"this ends the run {whose}early"
-            return Outcome("ends", f"{sentence}; {how}")
+            return Outcome(kind, f"{sentence}; {how}")
         if run.reason is not None:
             return None
-        return Outcome("arrives", f"{before}ends after {run.end:.1f} s with {positions}")
+        free = [car for car in self.line.car if car.mode == "free"]
+        rolling = len(free) > len(list(self._earlier_stop_sentences()))
+        kind = "rolling" if rolling else "ends" if free else "arrives"
+        return Outcome(kind, f"{before}ends after {run.end:.1f} s with {positions}")
+
+    def _kind_of_ride_that_ends_by(self, event: str) -> str:
+        """The kind of outcome of an event at the end: of one free car as on one span, else "ends"."""
+        if len(self.cars) > 1 or self.line.car[0].drive is None:
+            return "ends"
+        car = self.cars[0]
+        if event == f"{car.name} stops":
+            brakes = [brake.position for brake in self.line.car[0].drive.brake]
+            return "stopped_by_brake" if car.s[-1] >= min(brakes, default=math.inf) else "stuck"
+        left, right = self.line.contact[0], self.line.contact[-1]
+        near, far = (left, right) if 2.0 * car.point[0, 0] < left.at[0] + right.at[0] else (right, left)
+        return {f"{car.name} reaches {far.name}": "arrives", f"{car.name} reaches {near.name}": "rolls_back"}.get(
+            event, "ends"
+        )
 
     def _earlier_stop_sentences(self) -> Iterator[str]:
         """Where and when cars that stay to the end have stopped before it."""
@@ -547,10 +584,14 @@ class MotionAnswers(LineAnswers):
 
 
 def answer_line(line: Line, *, report: Progress = no_progress) -> MotionAnswers:
-    """Run a line in motion on elements, with bars from coarser runs."""
+    """Run a line in motion on elements, with bars from coarser runs; in more steps where too few break one."""
     runs = LineRuns(ELEMENTS, line)
-    run_ladders([runs], 2, 2, report)
-    return motion_answers(line, runs.ladder(2, 2), None)
+    steps = 2
+    run_ladders([runs], 2, steps, report)
+    while steps < 8 and any(runs.run(2, n).reason for n in (steps, steps // 2)):
+        steps *= 2
+        run_ladders([runs], 2, steps, report)
+    return motion_answers(line, runs.ladder(2, steps), None)
 
 
 def motion_answers(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agreement] = ()) -> MotionAnswers:

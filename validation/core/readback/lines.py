@@ -106,7 +106,9 @@ def line_outcome_faults(folder: Path) -> Faults:
     hit = [x for x in design.values() if x["quantity"].startswith("clearance") and _upper_end_of_bar(x) < TOUCHES]
     same = 1e-9  # relative
     end_events = [x for x in summary["events"] if abs(x["t"] - t) <= same * t]
-    kind = _expected_outcome_kind(summary, design, hit, end_events)
+    kind = _expected_outcome_kind(summary, design, hit) or _expected_end_kind(
+        folder, scene, summary["events"], end_events
+    )
     if summary["outcome_kind"] != kind:
         yield f"outcome: {summary['outcome_kind']} where the files say {kind}"
     tension = design["tension_max"]
@@ -121,15 +123,40 @@ def line_outcome_faults(folder: Path) -> Faults:
             yield f"outcome: {summary['outcome']!r} does not say {part!r}"
 
 
-def _expected_outcome_kind(summary: Row, design: dict[str, Row], hit: Sequence[Row], end_events: Sequence[Row]) -> str:
-    """The kind of outcome that numbers and events at the end say; the first that holds."""
+def _expected_outcome_kind(summary: Row, design: dict[str, Row], hit: Sequence[Row]) -> str:
+    """The kind of outcome that numbers say, the first that holds; "" if how the ride ends says it."""
     if summary["status"] != "complete":
         return "incomplete"
     if "safety_factor_min" in design and _upper_end_of_bar(design["safety_factor_min"]) < 1.0:
         return "breaks"
     if hit:
         return "collides"
-    return "ends" if end_events else "arrives"
+    return ""
+
+
+def _expected_end_kind(folder: Path, scene: Row, events: Sequence[Row], end_events: Sequence[Row]) -> str:
+    """The kind of outcome by the last event, or by who still rolls without one."""
+    free = {car["name"]: car["drive"] for car in scene["car"] if car.get("drive", {}).get("mode") == "free"}
+    paths = {name: read_csv_columns(folder / f"path-{name}.csv") for name in free}
+    if not end_events:
+        stops = {name: [x["t"] for x in events if x["event"] == f"{name} stops"] for name in free}
+        stand = [_lasting_stop_time(paths[name], stops[name], drive) is not None for name, drive in free.items()]
+        if not free:
+            return "arrives"
+        return "ends" if all(stand) else "rolling"
+    if len(scene["car"]) > 1 or not free:
+        return "ends"
+    ((name, drive),) = free.items()
+    event = end_events[-1]["event"]
+    if event == f"{name} stops":
+        braked = any(paths[name]["s_o"][-1] >= brake["from"] for brake in drive.get("brake", []))
+        return "stopped_by_brake" if braked else "stuck"
+    x_of_ends = {scene["contact"][i]["name"]: scene["contact"][i]["at"][0] for i in (0, -1)}
+    reached = event.removeprefix(f"{name} reaches ")
+    if reached not in x_of_ends:
+        return "ends"
+    distances = {end: abs(x - paths[name]["x"][0]) for end, x in x_of_ends.items()}
+    return "arrives" if distances[reached] == max(distances.values()) else "rolls_back"
 
 
 def _expected_end_sentences(folder: Path, scene: Row, events: Sequence[Row]) -> Iterator[str]:
