@@ -15,7 +15,14 @@ def cable_scene() -> Callable[[str], Any]:
     """cable_scene("level") is a built-in scene or line, or that of a TOML file."""
     from cablefem.scene.short import load_scene_or_line
 
-    return load_scene_or_line
+    def load(name_or_file: str) -> Any:
+        __tracebackhide__ = True
+        try:
+            return load_scene_or_line(name_or_file)
+        except ValueError as refused:
+            raise refused.with_traceback(None) from None  # without the library's source
+
+    return load
 
 
 @pytest.fixture

@@ -62,6 +62,20 @@ def test_refused(cable_check):
     cable_check("level", nan, tol=0.1, with_tol=2e-2)
 
 
+def test_unknown_scene(cable_scene, cable_check):
+    with pytest.raises(ValueError):
+        cable_scene("levl")
+    cable_check("levl")
+
+
+def test_tolerance(cable_check):
+    cable_check("level", tol=7.0)
+
+
+def test_solver_on_a_line(cable_check):
+    cable_check("over-tower", solver)  # refused before the line is computed
+
+
 def test_ours_alone(cable_check):
     assert cable_check("level", tol=0.1).verdict.value == "agree"
 """
@@ -75,7 +89,7 @@ def plugin_outcome(pytester):
 
 
 def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(plugin_outcome):
-    plugin_outcome.assert_outcomes(passed=3, failed=3)
+    plugin_outcome.assert_outcomes(passed=3, failed=6)
     plugin_outcome.stdout.fnmatch_lines([
         "*wrong and following-p2 disagree",
         "*path_max: gap 0.*, allowed 0.01, largest at s_o/l = 0.*; asked for: path 0.01*",
@@ -83,7 +97,9 @@ def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(pl
         "*path_max: gap 0.*, allowed 0.0*(its error bar) + allowed to wrong 0.02; of u and v; agrees if its v is*0.9*",
         "*= agreement of cable solvers =*",
     ])  # fmt: skip
-    for file in ("assertions.py", "foreign.py", "study.py", "testing.py"):
+    for said in ("scene = 'levl': no built-in", "tol must lie in", "a solver of your own is compared on one span"):
+        assert said in plugin_outcome.stdout.str()
+    for file in ("assertions.py", "foreign.py", "study.py", "testing.py", "described.py", "agreement.py"):
         assert file not in plugin_outcome.stdout.str(), "frames of the library are hidden"
     assert "nan: v[0] is not a finite number" in plugin_outcome.stdout.str()
     printed = plugin_outcome.stdout.str().partition("= agreement of cable solvers =")[2].splitlines()

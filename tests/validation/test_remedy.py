@@ -132,3 +132,13 @@ def test_the_headline_speaks_of_our_solvers_and_a_wrong_file_for_itself(tmp_path
     text = capsys.readouterr().out
     assert text.startswith("Both solvers agree.")
     assert "other.csv: DISAGREES with both" in text
+
+
+def test_rows_after_the_end_of_the_travel_do_not_matter(tmp_path, level_case):
+    r = level_case.other
+    t = [*r.t, r.t[-1] + 1.0, r.t[-1] + 2.0]
+    wrong = 1.02 * (r.y - level_case.scene.catenary.y(r.s_o)) + level_case.scene.catenary.y(r.s_o)
+    file = write_columns(tmp_path / "other.csv", {"t": t, "y": [*wrong, 0.0, 0.0]})
+    rows = level_case.rows(file, 2e-3)
+    assert rows[0].verdict is Verdict.DISAGREE
+    assert "v is multiplied by 0.98" in rows[0].bound.notes[0]

@@ -41,9 +41,8 @@ class Change:
     def applied_to(self, path: ForeignPath, scene: Scene, amount: float) -> ForeignPath:
         """The path of the changed columns; Refused if that is none."""
         columns: dict[str, Array] = dict(path.columns)
-        if self.factor and "v" not in columns:
-            del columns["y"]  # follows from v
-            columns["v"] = path.v
+        if self.factor and "v" not in columns:  # v is known up to the end of the travel, and y follows from it
+            columns = {name: getattr(path, name) for name in columns if name != "y"} | {"v": path.v}
         for name in self.columns:
             if name in columns:
                 values = columns[name]

@@ -43,11 +43,17 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
         tol : that of `cablefem check` by default.
         """
         __tracebackhide__ = True
-        scene = scene if isinstance(scene, Scene | Line) else load_scene_or_line(scene)
-        key = (scene.to_toml(), tol)
-        if key not in earlier_checks:
-            tolerance: dict[str, Any] = {} if tol is None else {"tol": tol}
-            earlier_checks[key] = validation.check(scene, **tolerance)
+        try:
+            scene = scene if isinstance(scene, Scene | Line) else load_scene_or_line(scene)
+            if isinstance(scene, Line) and solver is not None:
+                own = "a solver of your own is compared on one span, this is a line of contacts"
+                raise Refused(f"{scene.name}: {own}")
+            key = (scene.to_toml(), tol)
+            if key not in earlier_checks:
+                tolerance: dict[str, Any] = {} if tol is None else {"tol": tol}
+                earlier_checks[key] = validation.check(scene, **tolerance)
+        except ValueError as refused:
+            raise refused.with_traceback(None) from None  # without the library's source
         result = earlier_checks[key]
         names = " and ".join(result.methods)
         rows = result.rows
@@ -68,10 +74,8 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
 
 
 def _check_users_solver(scene: Any, solver: Any, with_tol: float, ours: Any) -> Any:
-    """`check_solver` with a short traceback; Refused for a line."""
+    """`check_solver` with a short traceback."""
     __tracebackhide__ = True
-    if isinstance(scene, Line):
-        raise Refused(f"{scene.name}: a solver of your own is compared on one span, this is a line of contacts")
     try:
         return check_solver(scene, solver, with_tol=with_tol, ours=ours)
     except Refused as refused:  # without the library's source
