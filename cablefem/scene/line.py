@@ -464,6 +464,10 @@ class Line(Described):
             raise SceneError([f"the empty line: {state}"])
         return replace(state, s=state.s - state.s[0])
 
+    def fault_in_own_keys(self, fault: str) -> str:
+        """A fault in the keys of the file that the line comes from."""
+        return fault
+
     def fixed_end_length(self, empty: LineState) -> float | None:
         """s [m] of a fixed right end; None at a counterweight."""
         if self.contact[-1].kind == "counterweight":

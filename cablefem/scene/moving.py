@@ -41,7 +41,7 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     """
     state = line.solve_empty_line(solve)
     thermal_stretch = 1.0 + line.cable.thermal_strain
-    _raise_if_any([*_timetable_and_drive_faults(line.car), *_too_heavy_car_faults(line, state)])
+    _raise_if_any(line, [*_timetable_and_drive_faults(line.car), *_too_heavy_car_faults(line, state)])
     contacts = [
         Contact(name=c.name, kind=c.kind, point=c.at, stiffness=c.stiffness, force=c.tension, shoe=c.shoe)
         for c in line.contact
@@ -52,10 +52,10 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     for table, car in zip(line.car, cars, strict=True):
         last = empty.right_end_position(car)
         faults += [*_travel_range_faults(table, car, last), *_brake_faults(car, last)]
-    _raise_if_any(faults)
+    _raise_if_any(line, faults)
     start_x = {car.name: empty.x_of_position(car, _start_position(car)) for car in cars}
     saddles_by_car = {car.name: _saddles_passed(car, contacts, empty) for car in cars}
-    _raise_if_any([*_order_faults(cars, start_x), *_unpassable_saddle_faults(cars, saddles_by_car, start_x)])
+    _raise_if_any(line, [*_order_faults(cars, start_x), *_unpassable_saddle_faults(cars, saddles_by_car, start_x)])
     x = {c.name: c.point[0] for c in contacts} | start_x
     everything: list[Contact | Car] = [*contacts, *cars]
     everything.sort(key=lambda c: x[c.name])
@@ -64,18 +64,18 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     moving_line = MovingLine(rope=rope, contacts=tuple(everything), t_end=t_end, gravity=line.gravity, solve=solve)
     faults += [*_ends_in_motion_faults(moving_line), *_rear_wheel_start_faults(moving_line)]
     faults += _timetable_meeting_or_shoe_faults(moving_line, saddles_by_car, empty)
-    _raise_if_any(faults)
+    _raise_if_any(line, faults)
     for car in cars:
         for saddle in saddles_by_car[car.name]:
             faults += _too_heavy_for_shoe_faults(moving_line, car, saddle)
-    _raise_if_any(faults)
+    _raise_if_any(line, faults)
     return moving_line
 
 
-def _raise_if_any(faults: list[str]) -> None:
-    """SceneError with these faults, if there are any."""
+def _raise_if_any(line: Line, faults: list[str]) -> None:
+    """SceneError with these faults of a line, if there are any."""
     if faults:
-        raise SceneError(faults)
+        raise SceneError([line.fault_in_own_keys(fault) for fault in faults])
 
 
 def _rope_at_temperature(line: Line, length: float, thermal_stretch: float) -> Elastic:

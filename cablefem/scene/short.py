@@ -35,6 +35,9 @@ class LineOfOneSpan(Line):
         line._span_tables = tables
         return line
 
+    def fault_in_own_keys(self, fault: str) -> str:
+        return _in_keys_of_span(fault)
+
     def replace(self, changes: Mapping[str, Any]) -> Line:  # type: ignore[override]
         """As of a line; keys of the span are taken as of a scene, keys of [[contact]] and [[car]] as of any line."""
         if not isinstance(changes, Mapping):
@@ -73,6 +76,7 @@ def _first_name(key: str) -> str:
 def _in_keys_of_span(fault: str) -> str:
     """A fault of the car of a line, in the keys of one span."""
     fault = re.sub(r"\bcar(\[0\]|\.car)\.(travel|drive)\b", r"\2", fault)
+    fault = fault.replace(" on a line", " with wheels or a hanger")
     return re.sub(r"\bcar(\[0\]|\.car)\.", "mass.", fault)
 
 

@@ -173,6 +173,20 @@ def test_one_span_whose_car_has_two_wheels_is_a_line_with_the_same_cable(tmp_pat
     assert load_line_or_none(tmp_path / "span.toml") is None
 
 
+FREE_TROLLEY = """
+cable = {mass_per_length = 0.6, EA = 7e6, sag = 4.0}
+supports = {span = 160.0, drop = 9.0}
+mass = {mass = 95.0, wheels = {base = 0.35, inertia = 6.0}}
+drive = {mode = "free", start = 2.0}
+"""
+
+
+def test_what_a_trolley_of_one_span_lacks_is_named_in_the_keys_of_its_file(tmp_path):
+    (tmp_path / "zip.toml").write_text(FREE_TROLLEY)
+    with pytest.raises(SceneError, match=r"^drive\.end\.time: missing; must be given with wheels or a hanger$"):
+        line_in_motion(load_line_or_none(tmp_path / "zip.toml"), solve)
+
+
 def test_a_line_of_one_span_takes_the_keys_of_its_file(tmp_path):
     def load(text):
         (tmp_path / "span.toml").write_text(text)

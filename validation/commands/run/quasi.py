@@ -33,7 +33,7 @@ def line_at_timetable_positions(line: Line) -> Line:
     for car in line.car:
         if car.mode == "free":
             where = "where it is follows from the motion; must be hauled or grip for --model quasi-static"
-            raise store.Refused(f"car.{car.name}.drive.mode = 'free': {where}")
+            raise store.Refused(line.fault_in_own_keys(f"car.{car.name}.drive.mode = 'free': {where}"))
     moving = line_in_motion(line, catenary_line.solve)
     x = _timetable_positions_by_car(moving, timetable_instants(moving))
     thermal_stretch = 1.0 + line.cable.thermal_strain
