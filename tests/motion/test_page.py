@@ -9,8 +9,10 @@ import pytest
 
 from cablefem.scene.line import Line
 from tests.motion.test_check import EVERYTHING
+from tests.report.figures import drawn_panels
 from validation.commands.run.motion import ELEMENTS, LineRuns, motion_answers
 from validation.core.readback import rope_csv_and_side_view_faults
+from validation.core.scene_data import conversion_factor_or_nan
 from validation.page.motion import motion_sections
 
 
@@ -58,3 +60,30 @@ def test_the_page_says_the_scene_as_it_was_read(answers_folder_and_page):
     assert (values["contact.2.tension"], values["contact.2.at"]) == ("430000 N", "(1200, -480) m")
     assert values["car.1.drive.drag_area"] == "12 m²"
     assert "[[contact]]" in html
+
+
+def test_curves_over_time_are_those_of_the_motion(answers_folder_and_page):
+    result, _, html = answers_folder_and_page
+    motion = result.motion
+    left, saddle, weight = motion.contacts
+    expected = {  # by a word of the figure's title, then by curve
+        "Tension": {f"at {left.name}": left.tension_ahead, f"at {weight.name}": weight.tension_behind},
+        "Haul": {car.name: car.haul_force for car in motion.cars},
+        "Contact": {car.name: car.contact_force for car in motion.cars},
+        "Rise": {weight.name: weight.rise},
+        "Rope": {saddle.name: saddle.s - saddle.s[0]},
+        "Pressure": {saddle.name: np.hypot(*saddle.pressure.T)},
+        "Speed": {car.name: np.hypot(*car.velocity.T) for car in motion.cars},
+    }
+    expected["Tension"] |= {f"behind {car.name}": car.tension_behind for car in motion.cars}
+    expected["Tension"] |= {f"ahead of {car.name}": car.tension_ahead for car in motion.cars}
+    for title, of_curves in expected.items():
+        figure = next(part for part in html.split("<figure")[1:] if f'aria-label="{title}' in part)
+        (panel,) = drawn_panels(figure)
+        known = {name: values for name, values in of_curves.items() if np.isfinite(values).any()}
+        assert known
+        for name, values in known.items():
+            t, y = panel.curves[name]
+            factor = conversion_factor_or_nan(panel.unit, {"Rise": "m", "Rope": "m", "Speed": "m/s"}.get(title, "N"))
+            assert np.all(np.abs(t - motion.t) < 0.2 * panel.pixel[0])
+            assert np.all(np.abs(y - values / factor) < 0.2 * panel.pixel[1]), (title, name)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 NUMBER = r"(-?[\d.]+)"
+LOOK = 'stroke="([^"]*)" stroke-width="[^"]*" stroke-dasharray="([^"]*)"'
 
 
 def values_along_axis(words_at):
@@ -19,7 +20,7 @@ class DrawnPanel(NamedTuple):
     over: str  # words at the common axis
     title: str
     unit: str
-    curves: dict[str, tuple[np.ndarray, np.ndarray]]  # by colour, in the units of the axes
+    curves: dict[str, tuple[np.ndarray, np.ndarray]]  # by name, in the units of the axes
     pixel: tuple[float, float]  # values of x and y
 
 
@@ -29,6 +30,8 @@ def drawn_panels(html):
     for figure in html.split('<svg role="img"')[1:]:
         x_of = values_along_axis(re.findall(rf'<text class="x" x="{NUMBER}"[^>]*>([^<]*)', figure))
         over = re.findall(r'<text class="l" x="[^>]*>([^<]*)', figure)[-1]
+        key = re.findall(rf"<li>.*?{LOOK}[^>]*/></svg>([^<]*)", figure)
+        names = {tuple(look): name for *look, name in key}
         for part in figure.split("<g transform")[1:]:
             ticks = re.findall(rf'<text class="y" x="-5" y="{NUMBER}">([^<]*)', part)
             if not ticks or any("10" in word and not re.fullmatch(r"[−\d.]+", word) for _, word in ticks):
@@ -37,9 +40,9 @@ def drawn_panels(html):
             unit = re.search(r'<text class="l" transform[^>]*>\[?([^<\]]*)', part)[1]
             title = re.search(r'<text class="t" x="0" y="-7">([^<]*)', part)
             curves = {}
-            for d, colour in re.findall(r'<path class="c" d="M([^"]*)" stroke="([^"]*)"', part):
+            for d, *look in re.findall(rf'<path class="c" d="M([^"]*)" {LOOK}', part):
                 points = np.array([point.split(",") for point in d.split()], float)
-                curves[colour] = x_of(points[:, 0]), y_of(points[:, 1])
+                curves[names.get(tuple(look), "")] = x_of(points[:, 0]), y_of(points[:, 1])
             pixel = abs(x_of(1.0) - x_of(0.0)), abs(y_of(1.0) - y_of(0.0))
             panels.append(DrawnPanel(over, title[1] if title else "", unit, curves, pixel))
     return panels

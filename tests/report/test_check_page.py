@@ -21,7 +21,7 @@ from validation.core.quantities import design_row_texts, factor_and_prefixed_uni
 from validation.core.scene_data import conversion_factor_or_nan
 from validation.page import page
 from validation.page.answer.stored import read_stored_check_if_started
-from validation.page.plot import BLUE, PURPLE, VERMILLION
+from validation.page.plot import PURPLE
 from validation.page.scene_keys import scene_keys_table
 from validation.page.side_view import side_view_of_runs
 
@@ -73,15 +73,15 @@ def quantity_by_title(r):
 
 def test_curves_on_the_page_are_the_stored_series_by_the_words_at_their_axes(stored_check, report_file):
     panels = [panel for panel in drawn_panels(report_file.read_text(encoding="utf-8")) if panel.title]
-    runs = dict(zip((BLUE, VERMILLION), read_stored_check_if_started(stored_check).runs, strict=True))
-    assert {panel.title for panel in panels} == set(quantity_by_title(runs[BLUE]))
+    runs = {r.method: r for r in read_stored_check_if_started(stored_check).runs}
+    assert {panel.title for panel in panels} == set(quantity_by_title(runs[A]))
     for panel in panels:
-        for colour, r in runs.items():
+        for method, r in runs.items():
             values, si = quantity_by_title(r)[panel.title]
             y = values / conversion_factor_or_nan(panel.unit, si)
             x = {"time [s]": r.t, "metres along the rope": r.s_o}[panel.over]
             known = np.isfinite(y)
-            drawn_x, drawn_y = panel.curves[colour]
+            drawn_x, drawn_y = panel.curves[method]
             assert np.max(np.abs(drawn_x - x[known])) < 0.2 * panel.pixel[0], panel.title
             expected = y[known].clip(drawn_y.min(), drawn_y.max())
             allowed = 0.2 * panel.pixel[1] + 1e-3 * np.abs(expected)  # places of words have a tenth of a pixel

@@ -195,7 +195,7 @@ def test_a_depth_points_down_and_a_crowded_curve_keeps_its_extremes():
     panel.fit_y_axis([y])
     panel.add_curve(x, y, BLUE)
     (drawn,) = drawn_panels(str(svg_figure([panel], (0.0, 60.0), "time [s]", "A depth.")))
-    at, depth = drawn.curves[BLUE]
+    at, depth = drawn.curves[""]
     close = 1.1 * drawn.pixel[1]
     assert abs(depth.max() - 37.0) < close
     assert abs(depth.min() - 23.0) < close
