@@ -253,3 +253,12 @@ def test_paper_shows_what_the_screen_folds(browser, report_file: Path):
     assert browser.run(folded) == before
     pdf = browser.driver.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})
     assert len(pdf["data"]) > 100_000
+
+
+def test_tables_fit_on_paper(browser, report_file):
+    """Overflow is not scrolled on paper: it is cut, or shrinks all of the page."""
+    browser.open(report_file, 680)  # A4 less its margins
+    browser.run("dispatchEvent(new Event('beforeprint'))")
+    browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    wide = "[...document.querySelectorAll('table')].filter(t => t.getBoundingClientRect().right > 680)"
+    assert browser.run(f"return {wide}.map(t => t.caption?.textContent ?? t.textContent)") == []

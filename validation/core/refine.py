@@ -181,7 +181,8 @@ def refine_to_tolerance(
     while True:
         ladder = runs.compute_ladder(settings)
         goal = Goal(path_bar_parts(ladder, runs.view), tol)
-        progress(0.3, f"{len(runs.made)} runs, bar {goal.bar:.1g} of {tol:g} wanted")
+        known = f"{goal.bar:.1g}" if math.isfinite(goal.bar) else "not known yet"
+        progress(0.3, f"{len(runs.made)} runs, bar {known}, {tol:.2g} wanted")
         broken = 0 if math.isfinite(goal.bar) else broken + 1
         if goal.bar_over_target <= 1.0 or broken == max_broken:
             break
