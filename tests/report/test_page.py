@@ -161,6 +161,14 @@ def test_cells_of_a_table():
     assert html_table([{"a": "x", "b": ""}], ["a", "b"]).count('class="none"') == 1
 
 
+def test_the_width_of_a_column_is_by_what_is_read_not_by_its_tags():
+    """Columns of badges took a fifth of a page each, and the reasons beside them ran out of it."""
+    badge = Markup('<span class="badge good"><span aria-hidden="true">✓</span> holds, as computed</span>')
+    html = html_table([{"held": badge, "why": "of a sentence " * 6}], ["held", "why"])
+    assert 'class="long" data-label="why"' in html
+    assert html.count("long") == 1
+
+
 def test_figures_are_the_same_every_time_small_and_keep_their_text():
     first, again = (inline_svg(line_figure(), "A line") for _ in range(2))
     assert first == again
