@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 NUMBER = r"(-?[\d.]+)"
+SCALE_TICK = rf'<text x="[\d.]+" y="{NUMBER}">([^<]*)'  # beside a colour scale
 LOOK = 'stroke="([^"]*)" stroke-width="[^"]*" stroke-dasharray="([^"]*)"'
 
 
@@ -21,6 +22,7 @@ class DrawnPanel(NamedTuple):
     title: str
     unit: str
     curves: dict[str, tuple[np.ndarray, np.ndarray]]  # by name, in the units of the axes
+    labels: list[tuple[float, float, str]]  # x, y, text
     pixel: tuple[float, float]  # values of x and y
 
 
@@ -44,5 +46,7 @@ def drawn_panels(html):
                 points = np.array([point.split(",") for point in d.split()], float)
                 curves[names.get(tuple(look), "")] = x_of(points[:, 0]), y_of(points[:, 1])
             pixel = abs(x_of(1.0) - x_of(0.0)), abs(y_of(1.0) - y_of(0.0))
-            panels.append(DrawnPanel(over, title[1] if title else "", unit, curves, pixel))
+            words = re.findall(rf'<text class="v" x="{NUMBER}" y="{NUMBER}"[^>]*>([^<]*)', part)
+            labels = [(x_of(float(x)), y_of(float(y) - 4.0), text) for x, y, text in words]
+            panels.append(DrawnPanel(over, title[1] if title else "", unit, curves, labels, pixel))
     return panels

@@ -1,6 +1,7 @@
 """The page of a check: the answer in words, how sure it is; never a solver."""
 
 import base64
+import io
 import json
 import re
 import shutil
@@ -11,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from cablefem.response import Response
 from cablefem.scene import Scene
-from tests.report.figures import drawn_panels
+from tests.report.figures import SCALE_TICK, drawn_panels, values_along_axis
 from validation.commands.check import page as check
 from validation.core.foreign import ForeignPath
 from validation.core.quantities import design_row_texts, factor_and_prefixed_unit
@@ -86,6 +88,24 @@ def test_curves_on_the_page_are_the_stored_series_by_the_words_at_their_axes(sto
             expected = y[known].clip(drawn_y.min(), drawn_y.max())
             allowed = 0.2 * panel.pixel[1] + 1e-3 * np.abs(expected)  # places of words have a tenth of a pixel
             assert np.all(np.abs(drawn_y - expected) < allowed), panel.title
+
+
+def test_the_tension_field_has_its_colours_and_numbers_where_they_belong(stored_check, report_file):
+    r = read_stored_check_if_started(stored_check).runs[0]
+    figure = next(x for x in report_file.read_text().split("<figure") if 'aria-label="Tension over time and' in x)
+    (panel,) = drawn_panels(figure)
+    unit = re.search(r'text-anchor="end">([^<]*)</text>', figure)[1]
+    newtons = conversion_factor_or_nan(unit, "N")
+    picture = np.array(Image.open(io.BytesIO(base64.b64decode(re.search(r'base64,([^"]*)', figure)[1]))), float)
+    scale = values_along_axis([(float(y) - 4.0, text) for y, text in re.findall(SCALE_TICK, figure)])
+    low, high = scale(float(re.search(r'height="([\d.]+)" preserve', figure)[1])), scale(0.0)
+    assert len(panel.labels) == 15
+    for t, s, text in panel.labels:
+        expected = np.interp(s, r.fields.s, r.fields.T[np.abs(r.fields.t - t).argmin()]) / newtons
+        assert float(text) == pytest.approx(expected, abs=0.02 * (high - low))
+        row = (1.0 - s / r.length) * (len(picture) - 1)
+        colour = picture[round(row), round(t / r.t[-1] * (picture.shape[1] - 1))] / 255.0
+        assert low + colour * (high - low) == pytest.approx(np.clip(expected, low, high), abs=0.02 * (high - low))
 
 
 def test_the_outcome_comes_first(check_copy):
