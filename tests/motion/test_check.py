@@ -454,6 +454,14 @@ def test_the_outcome_of_a_rider_on_a_line_is_of_the_kind_it_has_on_one_span(driv
     assert list(line_outcome_faults(tmp_path)) == []
 
 
+def test_a_haul_force_is_within_its_bar_however_long_the_rest():
+    haul = []
+    for rest in (16.0, 160.0):
+        line = Line.load("emergency-stop").replace({"car.cabin.travel.rest": rest})
+        haul.append(next(d for d in answer_line(line).design if d["quantity"] == "haul_max:cabin"))
+    assert abs(haul[1]["value"] - haul[0]["value"]) < haul[0]["bar"] + haul[1]["bar"]
+
+
 def test_a_ride_is_the_same_however_long_its_end_time_waits():
     def ride(end_time):
         drive = {"mode": "free", "start": 245.0, "rolling_friction": 0.02, "drag_area": 0.5, "end": {"time": end_time}}

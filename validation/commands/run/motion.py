@@ -85,6 +85,16 @@ def shortest_time_on_rail(system: Any, state: State) -> float:
     return float(min(times, default=0.0))
 
 
+def time_of_timetables(line: MovingLine) -> float:
+    """When the last car with a travel comes to rest [s]; inf without one."""
+    last = 0.0
+    for travel in (car.travel for car in line.cars_on_rope if car.travel is not None):
+        for phase, (t0, t1) in enumerate(travel.phases):
+            if any(travel.position_with_rates(t, phase)[1] for t in (t0, 0.5 * (t0 + t1))):
+                last = max(last, t1)
+    return last or math.inf
+
+
 def shortest_crossing_time(line: MovingLine, empty: LineState) -> float:
     """About the shortest time [s] in which a free car crosses the longest span; inf without one.
 
@@ -265,9 +275,11 @@ class LineRuns:
         self.coarsest = max(method.coarsest, math.ceil(method.on_wave * waves / coarser))
         phases = self.line.phases
         if like is None:
-            # coarsest steps: 120 in a run, 40 while the fastest free car crosses a span, 4 in a period of the pitch
+            # coarsest steps: 120 in a run, 60 until all timetables stand still, 40 while the fastest free car crosses a
+            # span, 4 in a period of the pitch
             crossing = shortest_crossing_time(self.line, empty)
-            rate = max(120 / self.line.t_end, 40 / crossing, 4.0 / (shortest * coarser))
+            travel = time_of_timetables(self.line)
+            rate = max(120 / self.line.t_end, 60 / travel, 40 / crossing, 4.0 / (shortest * coarser))
             self.grid = [np.linspace(t0, t1, max(2, math.ceil(rate * (t1 - t0))) + 1) for t0, t1 in phases]
             self.instants = np.unique(np.concatenate(self.grid))
         else:
