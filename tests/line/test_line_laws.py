@@ -1,6 +1,7 @@
 """Laws of a line at rest and the second computation of its printed numbers, each with a planted fault that is seen."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.scene.line import Line
-from tests.line.lines import SPRUNG, THREE, TRAMWAY, WEIGHED, line
+from tests.line.lines import SPRUNG, THREE, TRAMWAY, WEIGHED, car, line
 from validation.commands.run.line import answer_line, max_and_min_rows
 from validation.commands.run.worst import with_added_positions
 from validation.core.agreement import Verdict
@@ -177,6 +178,19 @@ def test_a_wrong_state_writes_no_nan_and_breaks_laws(tmp_path):
     for file in tmp_path.iterdir():
         assert "nan" not in file.read_text().lower()
     assert "shape and stretch" in disagreeing_laws(statics_law_rows(sound.to_toml(), wrong))
+
+
+def test_of_many_cars_a_number_names_its_position(tmp_path):
+    """Of 45 chairs of a lift each row and the outcome had forty-five names."""
+    rope, *ends = TRAMWAY[:3]
+    chairs = [car(f"chair {k}", 80.0, [100.0 * k, 100.0 * k + 50.0], below=3.0) for k in range(1, 12)]
+    lift = line({**rope, "breaking_load": 3e6}, *ends, *chairs)
+    result = answer_line(lift)
+    assert "chair" not in result.outcome.sentence
+    assert re.search(r"kN at position [12]$", result.outcome.sentence)
+    assert not laws_broken_by_files(tmp_path, result, of=lift)
+    wrong = laws_broken_by_files(tmp_path, result, html=lambda text: text.replace("position 2", "position 1"), of=lift)
+    assert wrong == {"page, cars"}
 
 
 def test_the_outcome_names_a_broken_rope_first_then_what_collides():

@@ -35,6 +35,7 @@ from validation.core.scene_data import (
 
 LOWEST = -1e-6  # [m] least clearance of what touches
 ANGLES = ("knee", "knee_empty", "direction")
+MOST_CARS_NAMED = 4  # beside a number on the page
 LENGTHS = ("x", "depth", "rope_over", "rise", "shift", "sag", "clearance_rope", "clearance_car")
 PositionNumbers = dict[str, Any]  # by name: a value, a word or None
 
@@ -696,4 +697,6 @@ class _PrintedLine:
         last_digit = factor * 10.0 ** -len(decimals)
         gaps.note_difference("page", where, float(value) * factor, number["value"], 0.51 * last_digit)
         cars = ", ".join(f"{name} {x:.0f}" for name, x in number["at"].items())
+        if len(number["at"]) > MOST_CARS_NAMED:
+            cars = f"position {number['position']}"
         gaps.note_difference("page, cars", where, at or cars, cars)

@@ -3,6 +3,7 @@
 import csv
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import starmap
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,13 @@ def three_decimals_text(value: float, unit: str) -> str:
     return f"{round(factor * value, 3) + 0.0:.3f}{suffix}"  # no -0.000
 
 
+def few_cars_text(extreme: Row, form: str) -> str:
+    """Where the cars are at an extreme number, each with name and x [m] in a form; "" of many, or of none."""
+    most = 4  # cars that are named
+    at = extreme["at"]
+    return ", ".join(starmap(form.format, at.items())) if len(at) <= most else ""
+
+
 def extremes_table_rows(design: Sequence[Row]) -> list[Row]:
     """One row per quantity: largest and smallest value, and the cars' positions then."""
     out: dict[str, Row] = {}
@@ -64,7 +72,7 @@ def extremes_table_rows(design: Sequence[Row]) -> list[Row]:
         name = d["quantity"]
         words = line_quantity_words(name)
         row = out.setdefault(words, {"quantity": words, "largest": "", "smallest": ""})
-        cars = ", ".join(f"{car} {x:.0f}" for car, x in d["at"].items())
+        cars = few_cars_text(d, "{} {:.0f}") or (f"position {d['position']}" if d["at"] else "")
         is_smallest = name.partition(":")[0].endswith("_min")
         value = three_decimals_text(d["value"], d["unit"])
         row["smallest" if is_smallest else "largest"] = f"{value} ({cars})" if cars else value

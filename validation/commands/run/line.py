@@ -28,6 +28,7 @@ from validation.page.line import (
     WORDS,
     base_quantity,
     extremes_table_rows,
+    few_cars_text,
     print_line_summary,
     three_decimals_text,
 )
@@ -332,8 +333,9 @@ def _position_count_text(count: int) -> str:
 
 def _car_positions_text(extreme: Row) -> str:
     """Where the cars are at an extreme number, as the end of a sentence."""
-    cars = ", ".join(f"{name} at {x:.0f} m" for name, x in extreme["at"].items())
-    return f" with {cars}" if cars else ""
+    cars = few_cars_text(extreme, "{} at {:.0f} m")
+    many = f" at position {extreme['position']}" if extreme["at"] else ""
+    return f" with {cars}" if cars else many
 
 
 def _collision_text(clearance: Row) -> str:
