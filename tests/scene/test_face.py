@@ -1,5 +1,6 @@
 """`import cablefem as cf`: light, and every public name is there; names of scenes do where scenes do."""
 
+import json
 import math
 
 import numpy as np
@@ -140,3 +141,12 @@ def test_find_names_what_it_cannot_take(changed, message):
 def test_a_quasi_static_ride_has_design_numbers_with_bars():
     numbers = {row["quantity"]: row for row in cf.quasi_static("zipline").design}
     assert numbers["tension_max"]["value"] > 10.0 * numbers["tension_max"]["bar"] > 0.0
+
+
+def test_answers_to_lines_are_written_as_others_and_checks_have_an_outcome(tmp_path):
+    answer = cf.run("two-span")
+    answer.write(str(tmp_path))
+    assert json.loads((tmp_path / "summary.json").read_text())["outcome"] == answer.outcome.sentence
+    checked = cf.check("level", tol=0.1)
+    assert checked.outcome.kind == "crossed"
+    assert checked.outcome.sentence in repr(checked)

@@ -24,7 +24,7 @@ from validation.core.agreement import (
     refuse_out_of_range,
     worst_deciding_verdict,
 )
-from validation.core.answers import outcome_of_run
+from validation.core.answers import Outcome, outcome_of_run
 from validation.core.design import design_gap_rows, design_numbers, widen_bars_to_gaps
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Goal, Ladder
@@ -100,9 +100,14 @@ class Check:
     def doubts(self) -> list[tuple[str, Flag]]:
         return doubt_flags(self.a.finest, self.b.finest)
 
+    @property
+    def outcome(self) -> Outcome:
+        """What becomes of the ride: its kind, and a sentence."""
+        return outcome_of_run(self.scene, self.a.finest)
+
     def __repr__(self) -> str:
-        outcome = outcome_of_run(self.scene, self.a.finest).sentence
-        return f"Check({self.scene.name}: {self.verdict.value}, {len(self.rows)} rows, tol = {self.tol:g}; {outcome})"
+        rows = f"{len(self.rows)} rows, tol = {self.tol:g}"
+        return f"Check({self.scene.name}: {self.verdict.value}, {rows}; {self.outcome.sentence})"
 
     def _repr_html_(self) -> str:
         from validation.page.page import html_table_by_heading  # for notebooks alone

@@ -279,8 +279,9 @@ class RestAnswers(LineAnswers):
         profile = envelope_columns(self.rest)
         return [profile["x"].tolist(), profile["y_lowest"].tolist()]
 
-    def write(self, folder: Path, seconds: float) -> None:
+    def write(self, folder: Path | str, seconds: float | None = None) -> None:
         """Write positions.csv, profile.csv, summary.json, scene.toml, and the ropes that the page draws."""
+        folder = Path(folder)
         line = self.line
         profile = envelope_columns(self.rest)
         rows = [{"position": i + 1} | (x or {}) for i, x in enumerate(self.numbers)]

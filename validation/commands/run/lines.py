@@ -78,8 +78,8 @@ class LineAnswers:
         """What a page of many lines draws of this one: x and depth, or None."""
         return None
 
-    def write(self, folder: Path, seconds: float) -> None:
-        """Write the files; seconds : of the computation."""
+    def write(self, folder: Path | str, seconds: float | None = None) -> None:
+        """Write the files; seconds : of the computation, if they are known."""
         raise NotImplementedError
 
     def comparison_in_words(self, row: Agreement) -> str:

@@ -502,8 +502,9 @@ class MotionAnswers(LineAnswers):
         """Largest deflection of a car [m]."""
         return largest_car_deflection(self.line, self.empty, self.motion)
 
-    def write(self, folder: Path, seconds: float) -> None:
+    def write(self, folder: Path | str, seconds: float | None = None) -> None:
         """Write path-NAME.csv, contacts.csv, profile.csv, rope.csv, summary.json and scene.toml."""
+        folder = Path(folder)
         self._write_paths(folder)
         self._write_contacts(folder)
         self._write_profile(folder)
