@@ -133,6 +133,10 @@ def test_a_study_reads_back_without_the_file_of_its_scene_and_points_keep_their_
         ({"sample": SAMPLE}, "exactly one of"),
         ({"seconds": -1}, "seconds = -1: must be"),
         ({"job": "power", "tol": 1e-3}, "case: missing; job 'power' needs it"),
+        ({"settings": {"elemets": 3}}, "settings.elemets: unknown key. Did you mean elements?"),
+        ({"method": None, "vary": {"method": ["fourier", "wavelt"]}}, "method = 'wavelt': unknown. Did you mean wavel"),
+        ({"method": "fourier"}, "settings.elements: unknown key."),
+        ({"job": "power", "settings": {"families": "wied"}}, "settings.families = 'wied': unknown. Did you mean wide?"),
     ],
 )
 def test_a_faulty_study_says_what_is_wrong(change, said):

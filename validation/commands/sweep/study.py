@@ -20,7 +20,7 @@ from cablefem.scene.fields import OneLine, Part, integer_between, number_between
 from cablefem.scene.line import Line
 from validation.commands.sweep import families
 from validation.commands.sweep.axes import MAX_POINTS, Axis, parse_grid_axes, parse_sample_axes
-from validation.core.methods import METHODS, methods_of_other_packages
+from validation.core.methods import METHODS, find_method, methods_of_other_packages
 from validation.core.store import Refused
 
 GROUPS = ("sag_ratio", "mu", "alpha", "speed_ratio")  # of `Scene.variant`
@@ -106,6 +106,7 @@ class Study(Part):
         faults = [] if len(self) <= MAX_POINTS else [f"vary: {len(self)} scenes; must be at most {MAX_POINTS}"]
         for name, axis in self.axes.items():
             faults += self._axis_name_faults(name, axis)
+        faults += self._method_and_setting_faults()
         named = {*self.axes, *self.run_options({})}
         needed = ["tol", "case"] if self.job == "power" else ["tol"]
         job = f"job {short_text(self.job)}"
@@ -115,6 +116,27 @@ class Study(Part):
                 needed = []
         faults += [f"{x}: missing; {job} needs it" for x in needed if x not in named]
         return faults
+
+    def _method_and_setting_faults(self) -> list[str]:
+        """Faults of methods on an axis, and settings that no method of the study has."""
+        axis = self.axes.get("method")
+        methods = list(axis.values) if axis else [self.method] if self.method else list(METHODS)
+        faults = []
+        for method in methods:
+            try:
+                _require_known_method(method)
+            except ValueError as error:
+                faults.append(f"method = {short_text(method)}: {error}")
+        if faults:
+            return faults
+        names = {name for method in methods for name in find_method(method).all_settings}
+        if self.job == "power":
+            names = {"seed", "families"}
+            known = [*families.SETS, "lines"]
+            drawn = self.settings.get("families", "ropeway")
+            if drawn not in known:
+                return [f"settings.families = {short_text(drawn)}: unknown.{did_you_mean(str(drawn), known)}"]
+        return [f"settings.{x}: unknown key.{did_you_mean(x, names)}" for x in self.settings if x not in names]
 
     def _axis_name_faults(self, name: str, axis: Axis) -> list[str]:
         """Faults of an axis' name: no group, no field of the scene, nothing of the run."""
