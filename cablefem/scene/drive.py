@@ -81,8 +81,8 @@ class Brake(Part):
 class End(Part):
     """Where or when the run ends: exactly one of both."""
 
-    time: Positive | None = described_field("[s] at which the ride ends", None)
-    place: Positive | None = described_field("[m] position along the cable that counts as arrival", None)
+    time: Positive | None = described_field("[s] at which the ride ends; on a line it must be given", None)
+    place: Positive | None = described_field("[m] position along the cable that counts as arrival, of one span", None)
 
     def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         return exactly_one_faults(("time", "place"), written_values)

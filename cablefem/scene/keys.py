@@ -100,7 +100,7 @@ def _alternative_rules(rule: dict[str, Any], definitions: dict[str, Any]) -> lis
 def _keys_of_kinds(tables: list[dict[str, Any]], definitions: dict[str, Any], name: str) -> Iterator[Key]:
     """Keys of a table of several kinds: kind, own ones, shared ones."""
     kinds = [table["properties"]["kind"]["const"] for table in tables]
-    yield Key(f"{name}.kind", "-", "which law", "required", f"one of {', '.join(kinds)}")
+    yield Key(f"{name}.kind", "-", "which law; on a line trapezoid or table", "required", f"one of {', '.join(kinds)}")
 
     def own_name(key: Key) -> str:
         return key.name.removeprefix(f"{name}.").partition(".")[0]
