@@ -6,9 +6,11 @@ import tomllib
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from cablefem import Scene
+from validation.core import measures
 from validation.core.measures import NotComparable
 from validation.core.view import View
 
@@ -53,3 +55,10 @@ def test_a_coarser_run_that_ends_early_covers_nothing() -> None:
     view = dataclasses.replace(View.of_scene(Scene.load("level")), window=(0.02, 0.6))
     assert view.is_reached_by(run_with(reached=0.61))
     assert not view.is_reached_by(run_with(reached=0.59))
+
+
+@pytest.mark.parametrize("end", [0.44076144159, 0.44076144241])  # rounding the ninth decimal raises one, lowers one
+def test_the_frame_in_which_a_car_comes_to_rest_is_compared(end: float) -> None:
+    fields = SimpleNamespace(t=np.linspace(0.0, 3.0, 4), s_o=np.array([0.1, 0.3, 0.4, end]), s=np.linspace(0.0, 1.0, 5))
+    run: Any = SimpleNamespace(fields=fields, length=1.0, t=fields.t, drive="haul")
+    assert measures.common_frames(run, run, (0.02, end)).in_a.tolist() == [0, 1, 2, 3]

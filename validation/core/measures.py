@@ -176,7 +176,8 @@ def common_frames(a: Response, b: Response, window: Window) -> CommonFrames:
         marks = [np.round(r.fields.t / last, 9) for r in (a, b)]
     _, i, j = np.intersect1d(marks[0], marks[1], return_indices=True)
     position = np.round(a.fields.s_o[i] / a.length, 9)
-    within = (position >= window[0]) & (position <= window[1])
+    low, high = np.round(window, 9)  # a frame at the end of the window is in it
+    within = (position >= low) & (position <= high)
     if not within.any():
         raise NotComparable(f"no common frame of the fields in the window {window}")
     return CommonFrames(position[within], i[within], j[within])
