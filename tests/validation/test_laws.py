@@ -243,6 +243,22 @@ def test_a_coarser_run_that_does_not_say_what_a_law_asks_for_leaves_no_bar(ride_
     assert np.isfinite(found["travel" if "travel" in found else "drive"].allowed)
 
 
+def test_events_that_are_told_elsewhere_and_a_stop_of_a_car_that_rolls_are_seen(ride_ladder):
+    r = ride_ladder.finest
+    assert r.speed[-1] > 0.1
+
+    def gap_with_events(events):
+        return row_by_law(ladder_without_coarser_runs(replace(r, events=events)))["drive"].gap
+
+    right = gap_with_events(r.events)
+    stop = {"event": "stop", "t": float(r.t[-1]), "s_o": float(r.s_o[-1]), "speed": 0.0}
+    assert gap_with_events([*r.events, stop]) > 100.0 * right
+    for i, event in enumerate(r.events):
+        for name in ("t", "s_o", "speed") if event["speed"] > 0.1 else ("t", "s_o"):
+            wrong = event | {name: 1.01 * event[name]}
+            assert gap_with_events([*r.events[:i], wrong, *r.events[i + 1 :]]) > 100.0 * right, (event, name)
+
+
 @pytest.mark.slow
 def test_a_rider_back_from_a_slack_cable_keeps_its_law():
     """Slack next to the far support, where the rider turns: s_o says nothing of when that was."""

@@ -383,6 +383,7 @@ def _event_gaps(evidence: Evidence, start: float) -> list[float]:
         speed = np.interp(t, r.t, r.speed)
         if kind == "stop":
             speed = _excess_speed_after_stop(evidence)
+        gaps.append((t - np.clip(t, r.t[0], r.t[-1])) / r.t[-1])  # beyond the run
         gaps.append((np.interp(t, r.t, r.s_o) - s_o) / l)
         gaps.append((speed - event["speed"]) / float(r.speed.max()))
         if kind in times:
