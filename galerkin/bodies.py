@@ -33,24 +33,6 @@ def dot(a: Array, b: Array) -> Array:
     return (a * b).sum(axis=-1)
 
 
-class OnRail(NamedTuple):
-    """The depth y = Y(x) of a car on a rail."""
-
-    y: int  # numbers of coordinates
-    x: int
-    rail: Rail
-
-    @property
-    def p(self) -> list[int]:
-        """Coordinates that follow."""
-        return [self.y]
-
-    @property
-    def record(self) -> tuple[Any, ...]:
-        """Of `kernels.ON_RAIL`."""
-        return self.y, self.x, rail_record(self.rail)
-
-
 def rail_record(rail: Rail) -> tuple[Any, ...]:
     """What compiled functions take of a rail."""
     return rail.begin.x, rail.end.x - rail.begin.x, rail.coefficients

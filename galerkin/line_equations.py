@@ -42,7 +42,7 @@ class LineEquations:
         self.forces = np.isin(self.free, layout.F)
         self.size = self.free.size
         # columns of coordinates: unknowns; those that follow and the last, of known ones, are cut off
-        dependent = [i for coordinates in layout.dependent for i in coordinates.p]
+        dependent = [*layout.coordinates.followers["p"], *layout.coordinates.on_rails["y"]]
         last = self.size + len(dependent)
         column = np.full(layout.size, last)
         column[[*self.free, *dependent]] = np.arange(last)

@@ -126,8 +126,8 @@ class LineSines(System):
         """Frictions at all contacts, (n, contacts, 5)."""
         frictions = self.frictions[None].repeat(len(times), axis=0)
         for k, hold in self.holds.items():
-            fractions = [self.cars[k].car.drive.remaining_hold_fraction(t) for t in times]
-            frictions[:, k, HOLD] = hold * np.array(fractions)
+            drive = self.cars[k].car.drive
+            frictions[:, k, HOLD] = [hold * drive.remaining_hold_fraction(t) for t in times]
         return frictions
 
     # --- the system --------------------------------------------------------------------------------------------------

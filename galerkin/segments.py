@@ -14,7 +14,7 @@ from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem.scene.contacts import Array, Car, MovingLine, Wheel
 from galerkin import kernels
-from galerkin.bodies import OnRail
+from galerkin.bodies import rail_record
 from galerkin.trolley import Follower, wheel_arm_in_car_axes
 
 # coefficients of xi (1 - xi), xi (1 - xi)(1 - 2 xi), 1 - xi, xi by rising powers, one a column
@@ -84,9 +84,10 @@ class Layout:
         self.size = first + len(self.angle_off_rope)
         wheels = {k: contact for k, contact in contacts.items() if isinstance(contact, Wheel)}
         self.wheels = {k: self._wheel_on_car(k, wheel) for k, wheel in wheels.items()}
-        cars = {k: contact for k, contact in contacts.items() if isinstance(contact, Car)}
-        self.dependent: list[Follower | OnRail] = [*self._driven_centres(wheels), *self.wheels.values()]
-        self.dependent += self._depths_on_rails(cars)
+        followers = [*self._driven_centres(wheels), *self.wheels.values()]
+        # y of the cars on rails, from their x
+        rails = {k: contact.rail for k, contact in contacts.items() if isinstance(contact, Car) and contact.rail}
+        on_rails = [(self.y[k], self.x[k], rail_record(rail)) for k, rail in rails.items()]
         between_wheels = [k for k, wheel in wheels.items() if not wheel.front]
         segments = range(self.segments)
         self.outer = [i for i in segments if i not in between_wheels]
@@ -98,15 +99,10 @@ class Layout:
         points = of_contacts[:, :2]
         # of a segment: q, p of L and R, s of L and R, (segments, 2 functions + 6)
         self.columns = np.column_stack([q, points[:-1], points[1:], self.s[:-1], self.s[1:]])
-        self.coordinates = self._coordinates_of_kernels()
-
-    def _coordinates_of_kernels(self) -> kernels.Coordinates:
-        followers = [x for x in self.dependent if isinstance(x, Follower)]
-        on_rails = [x for x in self.dependent if isinstance(x, OnRail)]
-        return kernels.Coordinates(
+        self.coordinates = kernels.Coordinates(
             columns=self.columns, moving=self.moving, s=self.s.copy(), F=self.F.copy(),
             followers=np.array([record for x in followers for record in x.records], kernels.FOLLOWER),
-            on_rails=np.array([x.record for x in on_rails], kernels.ON_RAIL),
+            on_rails=np.array(on_rails, kernels.ON_RAIL),
         )  # fmt: skip
 
     def _wheel_on_car(self, k: int, wheel: Wheel) -> Follower:
@@ -123,11 +119,6 @@ class Layout:
                 rear = self.moving[k - 1]
                 centres.append(Follower(rear[3:4], self.moving[k, :1], int(self.angle[k - 1]), (-x, -y)))
         return centres
-
-    def _depths_on_rails(self, cars: dict[int, Car]) -> list[OnRail]:
-        """y of the cars on rails, from their x."""
-        rails = {k: car.rail for k, car in cars.items() if car.rail is not None}
-        return [OnRail(int(self.y[k]), int(self.x[k]), rail) for k, rail in rails.items()]
 
     def set_dependent_coordinates(self, Z: Array) -> None:
         """Set what follows from other coordinates in Z (3, ..., size)."""
