@@ -23,6 +23,16 @@ def test_tension_behind_the_mass_is_right_from_the_first_step_on(scene, method):
     assert np.abs(tensions_behind(scene, method, scheme="generalized-alpha", rho_inf=0.8) - exact).max() < 0.02
 
 
+@pytest.mark.parametrize("model", ["full", "string", "sagged", "stretching"])
+def test_both_wings_set_off_along_the_same_path_from_the_first_step_on(model):
+    """From rest w = d s_o, with a slope d that each wing has from its own balance."""
+    slopes = []
+    for method, settings in SETTINGS.items():
+        r = run(SCENES["cruise"], method, until=0.002, steps=300, model=model, scheme="trapezoidal", **settings)
+        slopes.append(r.v[1:8] / r.s_o[1:8])
+    assert np.all(np.abs(slopes[1] / slopes[0] - 1.0) < 2e-3)
+
+
 @pytest.mark.parametrize("scene", ["cruise", "level"])
 def test_the_place_between_two_instants_is_the_mean_of_their_places(scene):
     motion = Scene.load(scene).groups.motion
