@@ -177,3 +177,29 @@ def test_a_rope_deeper_than_its_span_is_computed_as_well_as_a_taut_one(sag, tmp_
 @pytest.mark.parametrize("name", ["rocket", "rollback", "to-rest", "tramway", "level"])
 def test_what_a_quasi_static_run_prints_is_as_recomputed(name):
     assert rechecked_quasi_static_run(Scene.load(name)).flags == []
+
+
+BACK = """
+[cable]
+mass_per_length = 0.6
+EA = 5e6
+sag = 4.0
+[supports]
+span = 100.0
+[mass]
+mass = 80.0
+[drive]
+mode = "free"
+start = 5.0
+brake = [{from = 70.0, force = 40.0}, {from = 95.0, force = 300.0}]
+end = {time = 45.0}
+"""
+
+
+def test_a_rider_who_rolls_back_out_of_a_brake_has_lost_its_force_on_both_ways():
+    r = quasi_static(Scene.from_toml(BACK))
+    assert 70.0 < r.s_o.max() < 95.0
+    at_middle = np.flatnonzero(np.diff(np.sign(r.s_o - 50.0)))
+    there, back = r.speed[at_middle[:2]]
+    assert 0.5 * 80.0 * (there**2 - back**2) == pytest.approx(2.0 * 40.0 * (r.s_o.max() - 70.0), rel=0.02)
+    assert quasi_static_energy_row(r).verdict is Verdict.AGREE
