@@ -51,6 +51,8 @@ def __getattr__(name: str) -> Any:
         return getattr(importlib.import_module(_HOME[name]), name)
     found = getattr(importlib.import_module("validation"), _NAMED_OTHERWISE.get(name, name))
     found.__name__ = found.__qualname__ = name  # for help()
+    found.__module__ = __name__  # found here by other processes, as the same object
+    globals()[name] = found
     return found
 
 

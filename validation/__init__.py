@@ -84,13 +84,13 @@ def accepting_scene_names(function: Callable[Concatenate[Any, P], Result]) -> Ca
         from cablefem.scene.line import Line
         from cablefem.scene.short import load_line_or_none
 
+        kind = Scene if first == "scene" else _import_from_validation("commands.sweep.study", "Study")
         if isinstance(of, str | Path):
-            kind = Scene if first == "scene" else _import_from_validation("commands.sweep.study", "Study")
             of = (function.__name__ in _LINE and load_line_or_none(of)) or kind.load(of)
         if isinstance(of, Line):
             return cast(Result, _line_counterpart(function, of, args, kwargs)(of, *args, **kwargs))
-        if first == "scene" and not isinstance(of, Scene):
-            raise TypeError(f"scene must be a Scene, its name or its file, got {of!r}")
+        if not isinstance(of, kind):
+            raise TypeError(f"{first} must be a {kind.__name__}, its name or its file, got {of!r}")
         _refuse_second_of_other_kind(of, kwargs.get("second"))
         return function(of, *args, **kwargs)
 

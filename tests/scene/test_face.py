@@ -2,6 +2,7 @@
 
 import json
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -150,3 +151,13 @@ def test_answers_to_lines_are_written_as_others_and_checks_have_an_outcome(tmp_p
     checked = cf.check("level", tol=0.1)
     assert checked.outcome.kind == "crossed"
     assert checked.outcome.sentence in repr(checked)
+
+
+@pytest.mark.parametrize("name", sorted(set(cf.__all__) - {"__version__"}))
+def test_every_public_name_goes_to_other_processes(name):
+    assert pickle.loads(pickle.dumps(getattr(cf, name))) is getattr(cf, name)
+
+
+def test_what_is_no_study_is_refused_in_a_sentence(tmp_path):
+    with pytest.raises(TypeError, match="study must be a Study, its name or its file, got 3"):
+        cf.sweep(3, tmp_path)

@@ -60,7 +60,7 @@ class Tally:
 
 
 def sweep(
-    study: Study, out: Path, *, workers: int | None = None, scheduler: str | None = None,
+    study: Study, out: Path | str, *, workers: int | None = None, scheduler: str | None = None,
     progress: Progress = no_progress, work: Work = job.rows_of_points,
 ) -> Tally:  # fmt: skip
     """Compute every point of a study that has no row in out/rows yet; after a kill the same call goes on.
@@ -71,6 +71,7 @@ def sweep(
     says what is stored.
     sweep("riders.toml", Path("riders"))
     """
+    out = Path(out)
     store.claim_and_clear_folder(out, "sweep", study.name, WRITES)
     try:
         _store_or_refuse_study(study, out)
