@@ -85,6 +85,14 @@ FOUR_CARS = (
     car("2c", 1686.0, 712.96, below=2.0),
     car("3c", 2209.0, 805.46, below=2.0),
 )
+NEAR_THE_END = (
+    {"mass_per_length": 4.943, "EA": 7.757e7},
+    contact("0", "anchor", 0.0, 0.0),
+    contact("1", "saddle", 687.3, -292.9, shoe=4.3),
+    contact("2", "saddle", 1049.8, -396.4, shoe=5.8),
+    contact("3", "counterweight", 1358.2, -456.7, tension=229.3e3),
+    car("car", 898.0, [1356.0 + 0.05 * k for k in range(44)]),
+)
 
 
 def line_with_tables(given: tuple, text: str) -> Line:

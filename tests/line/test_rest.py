@@ -16,6 +16,7 @@ from tests.line.lines import (
     ASTER,
     EIGHT_SPANS,
     FOUR_CARS,
+    NEAR_THE_END,
     SPRUNG,
     STEEP_AND_LIGHT,
     THREE,
@@ -189,6 +190,10 @@ def test_fine_elements_come_to_the_catenary_from_afar(given):
 @pytest.mark.parametrize("given", [STEEP_AND_LIGHT, EIGHT_SPANS, FOUR_CARS], ids=["steep", "eight spans", "four cars"])
 def test_sound_lines_agree(given):
     assert check_line(line(*given, obstacle=[{"name": "tree", "at": 500.0, "top": 900.0}])).verdict.value == "agree"
+
+
+def test_a_car_close_to_the_end_of_a_long_line_is_within_the_rounding_of_coordinates():
+    assert check_line(line(*NEAR_THE_END)).verdict.value == "agree"
 
 
 def test_a_car_on_a_shoe_is_not_felt(solver):

@@ -1,7 +1,7 @@
 """A line at rest by exact catenaries and by elements: do they agree?
 
 Bars: change in one more Newton step (catenaries); of elements `order.error_bar` of the change on halving; at least
-rounding.
+rounding: of tensions of the elements that of coordinates over the distance of nodes.
 """
 
 import itertools
@@ -49,6 +49,7 @@ class Unit:
 
     name: str
     rounding: float
+    rounding_of_elements: float
     tolerance: float
 
 
@@ -60,6 +61,7 @@ class BothAnswers:
     coarser_a: LineRest
     b: LineRest
     coarser_b: LineRest
+    elements: int = 1  # of b on each piece
 
     @property
     def answers_with_coarser(self) -> tuple[LineRest, ...]:
@@ -85,8 +87,11 @@ class BothAnswers:
         reach = float(np.ptp(self.a.empty.points[:, 0]))
         EA = self.a.empty.case.EA
         tension = max(float(np.nanmax(state.station_tensions)) for state in self.a.states.values())
-        metres = Unit("m", ROUNDING * reach, tol)
-        newtons = Unit("N", ROUNDING * EA, tol_tension * tension)
+        metres = Unit("m", ROUNDING * reach, ROUNDING * reach, tol)
+        # strains of elements are differences of coordinates over the distance of nodes
+        shortest = min(float(np.diff(state.s).min()) for state in self.a.states.values())
+        strain = np.finfo(float).eps * reach * elements.DEGREE * self.elements / shortest
+        newtons = Unit("N", ROUNDING * EA, max(ROUNDING, strain) * EA, tol_tension * tension)
         return metres, newtons
 
 
@@ -155,7 +160,7 @@ def _worst_value_row(quantity: str, values: Sequence[Array], where: Sequence[str
     a, coarser_a, b, coarser_b = values
     gap = np.abs(a - b)
     bar_a = np.maximum(np.abs(a - coarser_a), unit.rounding)
-    bar_b = np.maximum(error_bar(b - coarser_b, 0.0, (2.0,), FIRST), unit.rounding)
+    bar_b = np.maximum(error_bar(b - coarser_b, 0.0, (2.0,), FIRST), unit.rounding_of_elements)
     bars = bar_a + bar_b
     disagrees = gap > FACTOR_DISAGREE * bars
     badness = np.where(disagrees, gap / ROUNDING, np.maximum(gap, bars))
@@ -202,7 +207,7 @@ def solve_both_refining_elements(line: Line, second: Line, tol: float, tol_tensi
     largest_share = 0.5  # of the tolerance, for bars of the elements
     while True:
         b = second.solve_at_rest(partial(elements.solve, elements=n), hopeless)
-        both = BothAnswers(a, coarser_a, b, coarser_b)
+        both = BothAnswers(a, coarser_a, b, coarser_b, n)
         units = both.units_with_tolerances(tol, tol_tension)
         rows = itertools.chain(worst_state_rows(both, *units), worst_design_number_rows(both, *units))
         coarse = any(
@@ -264,7 +269,7 @@ def detectable_input_changes(result: RestAnswers) -> dict[str, float]:
     """Smallest relative change of each input key that this check would detect in one solver, by catenaries."""
     line = result.line
     base = line.solve_at_rest(catenary_line.solve)
-    exact = Unit("m", ROUNDING, 0.0), Unit("N", ROUNDING, 0.0)
+    exact = Unit("m", ROUNDING, ROUNDING, 0.0), Unit("N", ROUNDING, ROUNDING, 0.0)
 
     def gaps_to(changed_line: Line) -> sensitivities.Gaps:
         changed = changed_line.solve_at_rest(catenary_line.solve)
