@@ -14,11 +14,10 @@ A cabin of mass m swings by phi at the arm h below p: its centre is p_c = p + h 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cablefem.elements.segments import dot
 from cablefem.newmark import Array
 from cablefem.scene.contacts import Car
 
@@ -47,17 +46,29 @@ class CarLoadsAndMasses(NamedTuple):
 
 
 class ForcesOnCars(NamedTuple):
-    """On the cars, (n,) or (n, 2)."""
+    """On the cars, (n,)."""
 
-    contact: Array  # C
+    contact_x: Array  # C
+    contact_y: Array
     drive: Array  # Q
-    tau: Array
+    tau_x: Array
+    tau_y: Array
     stretch: Array  # <lam>
     haul: Array  # F
     friction: Array  # f without the hold
     normal: Array  # - n . C: the car presses on the rope
     swing: Array  # row of phi
     air_power: Array  # [W] of the drag
+
+    @property
+    def contact(self) -> Array:
+        """C (n, 2)."""
+        return np.stack([self.contact_x, self.contact_y], axis=-1)
+
+    @property
+    def tau(self) -> Array:
+        """(n, 2)."""
+        return np.stack([self.tau_x, self.tau_y], axis=-1)
 
 
 class SwingConstants(NamedTuple):
@@ -109,49 +120,59 @@ def vector_length(vectors: Array) -> Array:
 
 def forces_on_cars(cars: CarLoadsAndMasses, slopes_and_motion: Array) -> ForcesOnCars:
     """Forces at slopes and motions (..., n, INPUTS), which may be complex."""
-    y = slopes_and_motion
-    behind = y[..., 0:2]
-    ahead = y[..., 2:4]
-    velocity = y[..., 4:6]
-    acceleration = y[..., 6:8]
-    haul = cars.mass * y[..., 8]
-    angle = y[..., 9]
-    rate = y[..., 10]
-    turning = y[..., 11]
-    forward = np.stack([np.cos(angle), -np.sin(angle)], axis=-1)
-    out = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
-    mean = 0.5 * (behind + ahead)
-    tau = mean / vector_length(mean)[..., None]
-    stretch = 0.5 * (vector_length(behind) + vector_length(ahead))
-    cabin_velocity = velocity + (cars.arm * rate)[..., None] * forward  # what the air meets
-    air = cabin_velocity - np.stack([cars.wind, np.zeros_like(cars.wind)], axis=-1)
-    speed = np.sqrt(air[..., 0] ** 2 + air[..., 1] ** 2 + 1e-24)  # differentiable at rest
-    drag = -(cars.drag * speed)[..., None] * air
-    weight = cars.mass[:, None] * np.array([0.0, cars.gravity])
-    driven = (haul + cars.thrust)[..., None] * tau
-    contact = cars.mass[:, None] * acceleration - weight - driven - drag
-    contact = contact + (cars.lever * turning)[..., None] * forward - (cars.lever * rate**2)[..., None] * out
-    normal = contact[..., 0] * tau[..., 1] - contact[..., 1] * tau[..., 0]
-    load = np.where(normal.real < 0.0, -normal, normal)
-    friction = -(cars.friction * load + cars.brake) * cars.sign
-    about_hinge = cars.lever * (dot(acceleration, forward) + cars.gravity * np.sin(angle))
-    swing = cars.inertia * turning + about_hinge + cars.resistance * rate - cars.arm * dot(drag, forward)
-    return ForcesOnCars(
-        contact=contact,
-        drive=stretch * (cars.hold + friction),
-        tau=tau,
-        stretch=stretch,
-        haul=haul,
-        friction=friction,
-        normal=normal,
-        swing=swing,
-        air_power=dot(drag, cabin_velocity),
-    )
+    return car_forces(cars[:13], np.moveaxis(slopes_and_motion, -1, 0))
+
+
+# --- of arrays, and in `segment_kernels` of numbers --------------------------------------------------------------
+def car_forces(numbers: Any, inputs: Any) -> ForcesOnCars:
+    """Forces on cars, by the first 13 of `CarLoadsAndMasses` and by their inputs (INPUTS, ...)."""
+    mass, k, wind, mu_r, thrust, brake, hold, sign, lever, arm, inertia, resistance, gravity = numbers
+    bx, by, ax, ay, vx, vy, x_a, y_a, force, angle, rate, turning = inputs
+    mean_x = 0.5 * (bx + ax)
+    mean_y = 0.5 * (by + ay)
+    size = np.sqrt(mean_x * mean_x + mean_y * mean_y)
+    tau_x = mean_x / size
+    tau_y = mean_y / size
+    stretch = 0.5 * (np.sqrt(bx * bx + by * by) + np.sqrt(ax * ax + ay * ay))
+    cos = np.cos(angle)
+    sin = np.sin(angle)
+    cabin_x = vx + arm * rate * cos  # what the air meets
+    cabin_y = vy - arm * rate * sin
+    air_x = cabin_x - wind
+    drag = -k * np.sqrt(air_x * air_x + cabin_y * cabin_y + 1e-24)  # differentiable at rest
+    drag_x = drag * air_x
+    drag_y = drag * cabin_y
+    haul = mass * force
+    along = haul + thrust
+    forward = lever * turning
+    outward = lever * rate * rate
+    contact_x = mass * x_a - along * tau_x - drag_x + forward * cos - outward * sin
+    contact_y = mass * (y_a - gravity) - along * tau_y - drag_y - forward * sin - outward * cos
+    normal = contact_x * tau_y - contact_y * tau_x
+    friction = -(mu_r * normal * np.sign(normal.real) + brake) * sign
+    drive = stretch * (hold + friction)
+    about_hinge = lever * (x_a * cos - y_a * sin + gravity * sin)
+    air_moment = arm * (drag_x * cos - drag_y * sin)
+    swing = inertia * turning + about_hinge + resistance * rate - air_moment
+    power = drag_x * cabin_x + drag_y * cabin_y
+    return ForcesOnCars(contact_x, contact_y, drive, tau_x, tau_y, stretch, haul, friction, normal, swing, power)
+
+
+def counterweight_row(numbers: Any, ds: Any, dds: Any) -> Any:
+    """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds, by rates of s there.
+
+    numbers : G, e, m (1 + G/EA), q y, rho, EA; e is 1 at the right end, -1 at the left one.
+    The rope that passes takes the energy of its weight and its motion along.
+    """
+    force, sign, mass, potential, rho, EA = numbers
+    N = force + sign * mass * dds
+    speed = ds * (1.0 + N / EA)
+    return sign * (N + N**2 / (2.0 * EA) + (potential - 0.5 * rho * speed**2))
 
 
 def car_force_jacobian(cars: CarLoadsAndMasses, slopes_and_motion: Array) -> Array:
     """Derivatives (n, 4, INPUTS) of C, - Q and the row of phi by slopes and motions (n, INPUTS)."""
     shifted = slopes_and_motion + 1j * STEP * np.eye(INPUTS)[:, None, :]  # (INPUTS, n, INPUTS)
     at = forces_on_cars(cars, shifted)
-    values = np.concatenate([at.contact, -at.drive[..., None], at.swing[..., None]], axis=-1)  # (INPUTS, n, 4)
+    values = np.stack([at.contact_x, at.contact_y, -at.drive, at.swing], axis=-1)  # (INPUTS, n, 4)
     return np.moveaxis(values.imag / STEP, 0, -1)

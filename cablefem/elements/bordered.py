@@ -24,9 +24,13 @@ class DenseMatrix:
         self.matrix = matrix
         self.dtype = matrix.dtype
 
-    def add_block(self, rows: Indices, columns: Indices, block: Array) -> None:
-        """Add a block (rows, columns)."""
-        self.matrix[np.ix_(rows, columns)] += block
+    def add_entry(self, row: int, column: int, value: complex) -> None:
+        """Add one entry."""
+        self.matrix[row, column] += value
+
+    def add_row(self, row: int, values: Array) -> None:
+        """Add a full row."""
+        self.matrix[row] += values
 
     def add_multiple_of_row(self, source: int, to: int, factor: complex = 1.0) -> None:
         """Add a factor times row `source` to another row."""
@@ -79,16 +83,23 @@ class BandMatrix:
         """Where `ab` has the entries (i, j)."""
         return 2 * self.b + i - j, j
 
-    def add_block(self, rows: Indices, columns: Indices, block: Array) -> None:
-        """Add a block (rows, columns) inside the band, in the border rows or in the corner."""
-        i = np.asarray(rows)[:, None]
-        j = np.asarray(columns)
-        if i[0] < self.n:
-            self.ab[self._in_band(i, j)] += block
-        elif j[0] < self.n:
-            self.rows[i - self.n, j] += block
+    def add_entry(self, row: int, column: int, value: complex) -> None:
+        """Add one entry inside the band or in the corner."""
+        if row < self.n:
+            self.ab[self._in_band(row, column)] += value
         else:
-            self.corner[i - self.n, j - self.n] += block
+            self.corner[row - self.n, column - self.n] += value
+
+    def add_row(self, row: int, values: Array) -> None:
+        """Add a full row (n + K,), of which what the matrix does not hold is zero."""
+        n = self.n
+        if row < n:
+            j = self._columns_in_band(row)
+            self.ab[self._in_band(row, j)] += values[j]
+            self.columns[row] += values[n:]
+        else:
+            self.rows[row - n] += values[:n]
+            self.corner[row - n] += values[n:]
 
     def _columns_in_band(self, i: int) -> NDArray[np.intp]:
         """Numbers within the band beside i < n."""
@@ -176,8 +187,3 @@ class BandFactors:
 
 
 Matrix = DenseMatrix | BandMatrix
-
-
-def add_entry(matrix: Matrix, row: int, column: int, value: complex) -> None:
-    """Add one entry."""
-    matrix.add_block([row], [column], np.array([[value]]))

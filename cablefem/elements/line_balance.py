@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,15 +13,16 @@ from cablefem.elements.bodies import (
     INPUTS,
     CarLoadsAndMasses,
     car_force_jacobian,
+    counterweight_row,
     forces_on_cars,
     masses_drag_and_friction,
 )
-from cablefem.elements.bordered import BandMatrix, DenseMatrix, Matrix, add_entry
+from cablefem.elements.bordered import BandMatrix, DenseMatrix, Matrix
 from cablefem.elements.line_coordinates import Coordinates, LineCoordinates, Mask
 from cablefem.elements.segments import Law
 from cablefem.elements.trolley import Slots
 from cablefem.newmark import Array, Solve, TangentFactors
-from cablefem.scene.contacts import Contact, MovingLine
+from cablefem.scene.contacts import MovingLine
 
 if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
@@ -73,14 +73,22 @@ class LineBalance(LineCoordinates):
         self.hold = np.zeros(len(line.cars_on_rope))  # [N] f that holds free cars at the start
 
     def _set_springs_and_counterweights(self) -> None:
-        self.springs: list[tuple[Slots, Array, Contact]] = []  # slots of x and y, stiffness
-        self.weights: list[tuple[int, int]] = []  # slot of s and number of the end
-        for k in (0, -1):
+        springs: list[tuple[Any, ...]] = []  # slot, stiffness and unloaded coordinate, along x and down
+        weights = []  # slot, and numbers of `bodies.counterweight_row`
+        EA = self.line.rope.EA
+        for k, sign in ((0, -1.0), (-1, 1.0)):
             end = self.line.supports[k]
             if end.stiffness is not None:
-                self.springs.append((self.xy[k], np.array(end.stiffness), end))
+                springs += zip(self.xy[k], end.stiffness, end.point, strict=True)
             if end.force is not None:
-                self.weights.append((int(self.s[k]), k))
+                mass = end.force / self.line.gravity * (1.0 + end.force / EA)
+                potential = self.line.weight_per_length * end.point[1]
+                weights.append((self.s[k], end.force, sign, mass, potential, self.segments.rho, EA))
+        slots, self.stiffness, self.unloaded = np.array(springs).reshape(-1, 3).T
+        self.springs = slots.astype(int)
+        table = np.array(weights).reshape(-1, 7)
+        self.weights = table[:, 0].astype(int)
+        self.weight_numbers = table[:, 1:]
 
     @cached_property
     def _kernel(self) -> Kernel:
@@ -165,47 +173,16 @@ class LineBalance(LineCoordinates):
         self.loads[0, -1] = fields.N.min()
 
     def _add_support_rows(self, rows: Array, x: Coordinates) -> None:
-        for slots, stiffness, spring in self.springs:
-            rows[..., slots] += stiffness * (x.q[..., slots] - spring.point)
-        for slot, k in self.weights:
-            ds = x.v[..., slot]
-            dds = x.a[..., slot]
-            rows[..., slot] += self.counterweight_row(k, ds, dds)
-
-    def counterweight_numbers(self, end: int) -> tuple[float, ...]:
-        """`segment_kernels.contacts.Supports.numbers` of a counterweight."""
-        contact = self.line.supports[end]
-        force = contact.force or 0.0
-        mass, sign = self._counterweight_mass_and_sign(end, force)
-        return force, sign, mass, self.line.weight_per_length * contact.point[1], self.line.rope.EA
-
-    def _counterweight_mass_and_sign(self, end: int, force: float) -> tuple[float, float]:
-        """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
-        mass = force / self.line.gravity * (1.0 + force / self.line.rope.EA)
-        return mass, 1.0 if end else -1.0
-
-    def counterweight_row(self, end: int, ds: Array, dds: Array) -> Array:
-        """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds, at end 0 or -1.
-
-        ds, dds : rates of s there; the rope that passes takes the energy of its weight and its motion along.
-        """
-        contact = self.line.supports[end]
-        EA = self.line.rope.EA
-        force = contact.force or 0.0
-        mass, sign = self._counterweight_mass_and_sign(end, force)
-        N = force + sign * mass * dds
-        speed = ds * (1.0 + N / EA)
-        kinetic = 0.5 * self.segments.rho * speed**2
-        entering = self.line.weight_per_length * contact.point[1] - kinetic
-        return sign * (N + N**2 / (2.0 * EA) + entering)
+        rows[..., self.springs] += self.stiffness * (x.q[..., self.springs] - self.unloaded)
+        ds = x.v[..., self.weights]
+        dds = x.a[..., self.weights]
+        rows[..., self.weights] += counterweight_row(self.weight_numbers.T, ds, dds)
 
     def slopes_and_motion_at_cars(self, x: Coordinates) -> Array:
         """Slopes beside each car, its v and a, F/M and the swing (..., cars, INPUTS), for `bodies.forces_on_cars`."""
         k = np.array(self.car_contacts, int)
-        left, right = self.slopes_at_segment_ends(x.q)
         out = np.zeros((*x.q.shape[:-1], k.size, INPUTS))
-        out[..., 0:2] = right[..., k - 1, :]
-        out[..., 2:4] = left[..., k, :]
+        out[..., 0:4] = self.slopes_beside(k, x.q)
         out[..., 4:6] = x.v[..., self.xy[k]]
         out[..., 6:8] = x.a[..., self.xy[k]]
         out[..., self.of_force, 8] = x.a[..., self.force]
@@ -263,41 +240,40 @@ class LineBalance(LineCoordinates):
         rope_rows = np.empty(0)
         if self.trolleys:
             rope_rows = self._rope_rows_noting_loads(x, *rope_and_cars)
-        matrix = self._rope_and_car_band(x, rope_and_cars, c) if self.compiled else self._dense(x, rope_and_cars, c)
-        self._add_contact_tangents(matrix, x, rope_rows, rope_and_cars.cars, c)
+        law, cars = rope_and_cars
+        matrix = self._rope_band(x, law, c) if self.compiled else self._dense_rope_tangent(x, law, c)
+        self._add_contact_tangents(matrix, x, rope_rows, cars, c)
         matrix.fix_unknowns_at_zero(np.flatnonzero(np.logical_not(free)))
         return matrix.factorise_in_place()
 
-    def _rope_and_car_band(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors) -> BandMatrix:
-        """The tangent of segments and of cars on one contact; complex factors by two real ones, compiled once."""
-        factors = np.array([*c, c[2] or 1.0])
+    def _rope_band(self, x: Coordinates, law: Array, c: TangentFactors) -> BandMatrix:
+        """The tangent of segments; complex factors by two real ones, compiled once."""
+        factors = np.array(c)
         inner = 2 * self.n
         matrix = BandMatrix(inner, self.band, self.size - inner)
-        self._kernel.add_tangent(x, *rope_and_cars, factors.real, matrix)
+        self._kernel.add_tangent(x, law, factors.real, matrix)
         if np.iscomplexobj(factors):
             other = BandMatrix(inner, self.band, self.size - inner)
-            self._kernel.add_tangent(x, *rope_and_cars, factors.imag, other)
+            self._kernel.add_tangent(x, law, factors.imag, other)
             matrix.add_imaginary_part(other)
         return matrix
 
-    def _dense(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors) -> DenseMatrix:
+    def _dense_rope_tangent(self, x: Coordinates, law: Array, c: TangentFactors) -> DenseMatrix:
         """The same by numpy."""
-        law, cars = rope_and_cars
         of_segments = self.segments.tangent(self.segment_motion(x), Law(*law), c)
         of_nodes = self.xy_of_nodes.reshape(len(self.nodes), -1)
         slots = np.column_stack([of_nodes, self.s[:-1], self.s[1:]])  # (K, m)
         matrix = DenseMatrix(np.zeros((self.size, self.size), of_segments.dtype))
         np.add.at(matrix.matrix, (slots[:, :, None], slots[:, None, :]), of_segments)
-        if self.point_cars:
-            self._add_car_tangent(matrix, x, cars, c)
         return matrix
 
     def _add_contact_tangents(
         self, matrix: Matrix, x: Coordinates, rope_rows: Array, cars: CarLoadsAndMasses, c: TangentFactors
     ) -> None:
         """Add supports, cars on two wheels, and the rows that determine F."""
-        for slot, value in self._support_tangent_diagonal(x, c):
-            add_entry(matrix, slot, slot, value)
+        self._add_support_tangent(matrix, x, c)
+        if self.point_cars:
+            self._add_car_tangent(matrix, x, cars, c)
         for trolley in self.trolleys:
             trolley.add_tangent(matrix, x, rope_rows[trolley.points.ravel()], cars, c)
         for slot, rail in self.rails:
@@ -308,24 +284,19 @@ class LineBalance(LineCoordinates):
         for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):
             matrix.add_multiple_of_row(row, slot)
 
-    def _support_tangent_diagonal(self, x: Coordinates, c: TangentFactors) -> Iterator[tuple[int, complex]]:
-        """Diagonal entries of springs and counterweights."""
+    def _add_support_tangent(self, matrix: Matrix, x: Coordinates, c: TangentFactors) -> None:
         c0, c1, c2 = c
-        EA = self.line.rope.EA
-        rho = self.segments.rho
-        for slots, stiffnesses, _ in self.springs:
-            for slot, stiffness in zip(slots.tolist(), stiffnesses.tolist(), strict=True):
-                yield slot, stiffness * c0
-        for slot, k in self.weights:
-            force = self.line.supports[k].force or 0.0
-            mass, sign = self._counterweight_mass_and_sign(k, force)
+        for slot, stiffness in zip(self.springs.tolist(), self.stiffness.tolist(), strict=True):
+            matrix.add_entry(slot, slot, stiffness * c0)
+        for slot, numbers in zip(self.weights.tolist(), self.weight_numbers.tolist(), strict=True):
+            force, sign, mass, _, rho, EA = numbers
             ds = x.v[slot]
             lam = 1.0 + (force + sign * mass * x.a[slot]) / EA
             by_dds = mass * (lam - rho * ds**2 * lam / EA)
             by_ds = sign * rho * ds * lam**2
-            yield slot, by_dds * c2 - by_ds * c1
+            matrix.add_entry(slot, slot, by_dds * c2 - by_ds * c1)
 
-    def _add_car_tangent(self, matrix: DenseMatrix, x: Coordinates, cars: CarLoadsAndMasses, c: TangentFactors) -> None:
+    def _add_car_tangent(self, matrix: Matrix, x: Coordinates, cars: CarLoadsAndMasses, c: TangentFactors) -> None:
         """Add the chain of `car_force_jacobian` (n, 4, INPUTS) and of its inputs by the coordinates."""
         jacobian = car_force_jacobian(cars, self.slopes_and_motion_at_cars(x))
         for i in self.point_cars:
@@ -333,24 +304,15 @@ class LineBalance(LineCoordinates):
             swing = self.swing[np.equal(self.of_swing, i)]
             slots = [*self.xy[k], self.s[k], *swing]
             by_coordinates = self._car_inputs_by_coordinates(i, x, c, matrix.dtype)
-            matrix.matrix[slots] += jacobian[i, : len(slots)] @ by_coordinates
+            for slot, values in zip(slots, jacobian[i] @ by_coordinates, strict=False):
+                matrix.add_row(slot, values)
 
     def _car_inputs_by_coordinates(self, i: int, x: Coordinates, c: TangentFactors, dtype: Any) -> Array:
         """Derivatives (INPUTS, size) of slopes and motion of car i by all coordinates, times the factors c."""
         c0, c1, c2 = c
         k = self.car_contacts[i]
-        slopes = self.slopes_at_segment_ends(x.q)
         out = np.zeros((INPUTS, self.size), dtype)
-        for side in range(2):  # behind, ahead
-            j = k - 1 + side
-            end = 1 - side
-            per_h = c0 / (x.q[self.s[j + 1]] - x.q[self.s[j]])
-            for axis in range(2):
-                row = out[2 * side + axis]
-                row[self.xy_of_nodes[j, :, axis]] = per_h * self.segments.end_slopes[end]
-                by_s = per_h * slopes[end, j, axis]
-                row[self.s[j]] += by_s
-                row[self.s[j + 1]] -= by_s
+        out[:4] = c0 * self.slopes_beside_by_coordinates(k, x.q)
         out[[4, 5], self.xy[k]] = c1
         out[[6, 7], self.xy[k]] = c2
         out[8, self.force[np.equal(self.of_force, i)]] = c2 or 1.0

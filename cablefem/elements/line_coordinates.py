@@ -7,7 +7,7 @@ one leaves determines F.  The nodes at two wheels follow their car.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,7 @@ class LineCoordinates(System):
         for trolley in self.trolleys:
             force = int(self._force_slots[trolley.i])
             body = first + np.arange(3)
-            trolley.set_slots(body, force, self.xy_of_nodes, self.s, self.segments.end_slopes)
+            trolley.set_slots(body, force, self)
             first += 3
         swinging = self.line.swinging_cars_off_rope
         self.swing_off_rope = {car.name: first + i for i, car in enumerate(swinging)}  # slots of phi
@@ -175,3 +175,22 @@ class LineCoordinates(System):
         """r' at the left and at the right end of the segments, (2, ..., K, 2); q : (..., size)."""
         h = np.diff(q[..., self.s])[..., None]
         return np.einsum("en,...kna->e...ka", self.segments.end_slopes, q[..., self.xy_of_nodes]) / h
+
+    def slopes_beside(self, k: Any, q: Array) -> Array:
+        """r' behind and ahead of contacts k (...), (..., 4) of one or many q (size,)."""
+        left, right = self.slopes_at_segment_ends(q)
+        return np.concatenate([right[..., k - 1, :], left[..., k, :]], axis=-1)
+
+    def slopes_beside_by_coordinates(self, k: int, q: Array) -> Array:
+        """Derivatives (4, size) of those of contact k by all coordinates."""
+        slopes = self.slopes_beside(k, q)
+        out = np.zeros((4, self.size))
+        for i, row in enumerate(out):
+            side, axis = divmod(i, 2)
+            segment = k - 1 + side
+            begin, end = self.s[segment : segment + 2]
+            h = q[end] - q[begin]
+            row[self.xy_of_nodes[segment, :, axis]] = self.segments.end_slopes[1 - side] / h
+            row[begin] = slopes[i] / h
+            row[end] = -slopes[i] / h
+        return out

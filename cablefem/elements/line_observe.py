@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cablefem.elements.bodies import CarLoadsAndMasses, ForcesOnCars, forces_on_cars
+from cablefem.elements.bodies import CarLoadsAndMasses, ForcesOnCars, counterweight_row, forces_on_cars
 from cablefem.elements.line_coordinates import Coordinates
 from cablefem.elements.off_rope import CarOffRope
 from cablefem.elements.segments import Motion, dot
@@ -154,13 +154,11 @@ def _rope_and_spring_energy(x: _History) -> Array:
 def _counterweight_powers(x: _History) -> Powers:
     """Power of each counterweight on the rope, by "NAME weight"."""
     powers = {}
-    for k in (0, -1):
-        support = x.system.line.supports[k]
-        if support.force is not None:
-            slot = x.system.s[k]
-            ds = x.v[:, slot]
-            force = x.system.counterweight_row(k, ds, x.a[:, slot])
-            powers[f"{support.name} weight"] = -force * ds
+    system = x.system
+    ends = [end for end in (system.line.supports[0], system.line.supports[-1]) if end.force is not None]
+    for end, slot, numbers in zip(ends, system.weights, system.weight_numbers, strict=True):
+        ds = x.v[:, slot]
+        powers[f"{end.name} weight"] = -counterweight_row(numbers, ds, x.a[:, slot]) * ds
     return powers
 
 

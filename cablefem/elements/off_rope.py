@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cablefem.elements.bodies import INPUTS, ForcesOnCars, forces_on_cars, masses_drag_and_friction, swing_constants
-from cablefem.elements.bordered import Matrix, add_entry
+from cablefem.elements.bordered import Matrix
 from cablefem.elements.segments import dot
 from cablefem.newmark import Array, TangentFactors
 from cablefem.scene.contacts import Car, MovingLine
@@ -62,21 +62,21 @@ class CarOffRope:
         c0, c1, c2 = c
         stretch = self.rail.stretch
         if self.grips:
-            add_entry(matrix, self.saddle, self.saddle, self.car.mass * stretch**2 * c2)
+            matrix.add_entry(self.saddle, self.saddle, self.car.mass * stretch**2 * c2)
         if self.swing is None:
             return
         angle = q[self.swing]
         stiffness = self.lever * self.line.gravity * np.cos(angle)
         of_swing = stiffness * c0 + self.resistance * c1 + self.inertia * c2
-        add_entry(matrix, self.swing, self.swing, of_swing)
+        matrix.add_entry(self.swing, self.swing, of_swing)
         if self.grips:
             middle = 0.5 * (self.rail.begin.x + self.rail.end.x)
             slope = self.rail.depth_with_derivatives(middle)[1]
             forward = np.cos(angle) - slope * np.sin(angle)
             along = forward / np.hypot(1.0, slope)  # of a turn forward
             coupling = -self.lever * stretch * along * c2
-            add_entry(matrix, self.swing, self.saddle, coupling)
-            add_entry(matrix, self.saddle, self.swing, coupling)
+            matrix.add_entry(self.swing, self.saddle, coupling)
+            matrix.add_entry(self.saddle, self.swing, coupling)
 
     def swing_rate_jump(self, angle: Array, dv: Array) -> Array:
         """Jump of dphi/dt where the velocity of the point jumps by dv (2,)."""

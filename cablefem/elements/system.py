@@ -228,8 +228,7 @@ class LineElements(LineBalance):
             yield from results[:taken]
             k += taken
             if self.factors is None and k < len(steps.a):
-                failed = results[taken] if taken < len(results) else StepResult(0.0, 0, 0, 0)
-                yield self._take_step_with_new_factors(phase, steps.section(k, k + 1), rule, newton, failed)
+                yield from super().collocate_steps(phase, steps.section(k, k + 1), rule, newton)
                 k += 1
                 if k < len(steps.a):
                     steps.a[k] = steps.extrapolation[k] @ steps.a[k - 1]
@@ -266,17 +265,6 @@ class LineElements(LineBalance):
         values = self._event_values_at(t, q, v, a, phase)
         self._known_values = dict(zip(t.tolist(), zip(a, map(tuple, values.tolist()), strict=True), strict=True))
         return taken, [StepResult(*row) for row in results.tolist()]
-
-    def _take_step_with_new_factors(
-        self, phase: int, step: Steps, rule: Tableau, newton: Newton, failed: StepResult
-    ) -> StepResult:
-        """Take one step; failed : what has been tried with other factors."""
-        spent = failed.iterations
-        rest = newton._replace(
-            max_iter=newton.max_iter - spent, patience=newton.patience - spent, enough=newton.enough - spent
-        )
-        (result,) = super().collocate_steps(phase, step, rule, rest)
-        return result._replace(iterations=result.iterations + spent, residuals=result.residuals + failed.residuals)
 
     # --- events --------------------------------------------------------------------------------------------
     def event_values(self, x: State) -> tuple[float, ...]:

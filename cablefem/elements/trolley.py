@@ -26,6 +26,7 @@ from cablefem.scene.contacts import Car
 
 if TYPE_CHECKING:
     from cablefem.elements.bordered import Matrix
+    from cablefem.elements.line_coordinates import LineCoordinates
 
 # inputs: r' behind and ahead of the rear wheel (4) and of the front one (4), P_1, P_2 (4), th, X. (2), th., X.. (2),
 # th.., F/M
@@ -138,25 +139,14 @@ class Trolley:
         forces = [drive.hitch[1], *drive.thrust_at, math.cos(angle), math.sin(angle), gravity, drive.mu_r]
         self.numbers = np.array(body + forces)
 
-    def set_slots(self, body: Slots, force: int, xy: Slots, s: Slots, end_slopes: Array) -> None:
-        """Slots of X and th, of F/M or -1; of x and y of the segments' nodes (K, nn, 2); of s of all contacts.
-
-        end_slopes : of shape functions at the left and the right end of a segment, (2, nn).
-        """
+    def set_slots(self, body: Slots, force: int, system: LineCoordinates) -> None:
+        """Slots of X and th, of F/M or -1."""
         self.body = body
         self.force = force
-        rear = self.k - 1
-        front = self.k
-        self.points = xy[[rear, front], 0]  # (wheel, 2)
-        self.rows = np.array([*body, *s[[rear, front]]])
-        # sides of the wheels: segments behind, between, between, ahead, and which ends of these
-        segment = np.array([rear - 1, rear, rear, front])[:, None]
-        end = np.array([1, 0, 1, 0])
-        with_slopes = np.array([np.flatnonzero(x) for x in end_slopes])
-        near = with_slopes[end]  # nodes with slopes there (4, near)
-        self.near = xy[segment, near]  # (4, near, 2)
-        self.shapes = end_slopes[end[:, None], near]  # (4, near)
-        self.ends = s[segment + np.arange(2)]  # (4, 2)
+        self.system = system
+        self.contacts = np.array([self.k - 1, self.k])
+        self.points = system.xy[self.contacts]  # (wheel, 2)
+        self.rows = np.array([*body, *system.s[self.contacts]])
 
     def set_wheel_points(self, z: Array) -> None:
         """Set the points of the wheels in q, v, a of all coordinates (3, ..., size)."""
@@ -167,10 +157,7 @@ class Trolley:
 
     def rope_slopes_at_wheels(self, q: Array) -> Array:
         """r' at the sides of both wheels (..., 4, 2), from all coordinates (..., size)."""
-        begin, end = self.ends.T
-        h = q[..., end] - q[..., begin]
-        by_xi = (self.shapes[:, None] @ q[..., self.near])[..., 0, :]
-        return by_xi / h[..., None]
+        return self.system.slopes_beside(self.contacts, q).reshape(*q.shape[:-1], 4, 2)
 
     def force_inputs(self, coordinates: Sequence[Array], rope_rows: Array) -> Any:
         """Inputs (INPUTS, ...) of `forces`, from q, v, a (..., size) and P of both wheels (..., 4)."""
@@ -219,37 +206,22 @@ class Trolley:
         shifted = y[:, None] + 1j * STEP * np.eye(INPUTS)
         rows = self.forces(cars, shifted).rows
         by_input = np.array([row.imag / STEP for row in rows])  # (5, INPUTS)
-        self._add_body_columns(matrix, by_input, c)
-        self._add_slope_columns(matrix, by_input, y[:8].reshape(4, 2), q, c[0])
+        by_coordinates = np.zeros((INPUTS, q.size), matrix.dtype)
+        c0, c1, c2 = c
+        slopes = [self.system.slopes_beside_by_coordinates(k, q) for k in self.contacts.tolist()]
+        by_coordinates[:8] = c0 * np.concatenate(slopes)
+        by_coordinates[12, self.body[2]] = c0
+        by_coordinates[[13, 14, 15], self.body] = c1
+        by_coordinates[[16, 17, 18], self.body] = c2
+        if self.force >= 0:
+            by_coordinates[19, self.force] = c2 or 1.0
+        for slot, values in zip(self.rows.tolist(), by_input @ by_coordinates, strict=True):
+            matrix.add_row(slot, values)
         self._let_wheels_follow(matrix, q[self.body[2]])
         by_rope_rows = by_input[:, 8:12]
         for row, column in np.argwhere(by_rope_rows).tolist():
             rope_row = int(self.points.flat[column])
             matrix.add_multiple_of_row(rope_row, int(self.rows[row]), by_rope_rows[row, column])
-
-    def _add_body_columns(self, matrix: Matrix, by_input: Array, c: TangentFactors) -> None:
-        """Add what the motion of the body and F/M give."""
-        c0, c1, c2 = c
-        factors = np.zeros((INPUTS, 4), matrix.dtype)  # of X, th and F in the inputs
-        factors[12, 2] = c0
-        factors[[13, 14, 15], [0, 1, 2]] = c1
-        factors[[16, 17, 18], [0, 1, 2]] = c2
-        factors[19, 3] = c2 or 1.0
-        count = 4 if self.force >= 0 else 3
-        columns = [*self.body, self.force]
-        block = by_input @ factors
-        matrix.add_block(self.rows, columns[:count], block[:, :count])
-
-    def _add_slope_columns(self, matrix: Matrix, by_input: Array, slopes: Array, q: Array, c0: complex) -> None:
-        """Add what the slopes beside both wheels (4, 2) give, by nodes and by s at the ends of the segments."""
-        for side in range(4):
-            begin, end = self.ends[side]
-            per_h = c0 / (q[end] - q[begin])
-            by_slope = per_h * by_input[:, 2 * side : 2 * side + 2]  # (5, 2)
-            by_nodes = self.shapes[side, :, None] * by_slope[:, None, :]  # (5, near, 2)
-            by_ends = np.outer(by_slope @ slopes[side], [1.0, -1.0])
-            matrix.add_block(self.rows, self.near[side].ravel(), by_nodes.reshape(5, -1))
-            matrix.add_block(self.rows, self.ends[side], by_ends)
 
     def _let_wheels_follow(self, matrix: Matrix, pitch: float) -> None:
         """Add the columns of the nodes at both wheels to those of X and th."""

@@ -40,18 +40,15 @@ class Kernel:
         swings[system.of_swing] = system.swing
         self.swings = swings[self.cars]
         self.forces = system._force_slots[self.cars]
-        self.gravity = float(system.line.gravity)
         self.trolleys = np.array([trolley.i for trolley in system.trolleys], int)
         self._known: tuple[Any, Any] = None, None  # the last data, and as arrays
         self._set_contacts(system)
 
     def _set_contacts(self, system: LineBalance) -> None:
         """Set what else touches the rope."""
-        springs = [(slots, stiffness, spring.point) for slots, stiffness, spring in system.springs]
-        slots, stiffness, unloaded = np.array(springs).reshape(-1, 3, 2).swapaxes(0, 1).reshape(3, -1)
-        weights = np.array([slot for slot, _ in system.weights], int)
-        numbers = np.array([system.counterweight_numbers(k) for _, k in system.weights]).reshape(-1, 5)
-        self.supports = contacts.Supports(slots.astype(int), stiffness, unloaded, weights, numbers)
+        self.supports = contacts.Supports(
+            system.springs, system.stiffness, system.unloaded, system.weights, system.weight_numbers
+        )
         trolleys = system.trolleys
         self.on_wheels = (
             np.array([trolley.k for trolley in trolleys], int),
@@ -79,9 +76,9 @@ class Kernel:
         for i, values in enumerate(cars):
             data[..., i] = values
         data = data.reshape(math.prod(shape[:-1]), shape[-1], len(cars))
-        points = np.ascontiguousarray(data[:, self.cars, :12])
+        points = np.ascontiguousarray(data[:, self.cars, :13])
         trolleys = np.ascontiguousarray(data[:, self.trolleys][..., TROLLEY_DATA])
-        on_one = balance.Cars(self.contacts, self.forces, self.swings, self.gravity, points)
+        on_one = balance.Cars(self.contacts, self.forces, self.swings, points)
         self._known = cars, (on_one, contacts.Trolleys(*self.on_wheels, trolleys))
         return self._known[1]
 
@@ -95,16 +92,11 @@ class Kernel:
         at = balance.Coordinates(*x)
         balance.add_rows_and_set_loads(self._line(law, cars), at, rows, loads_and_min_tension)
 
-    def add_tangent(
-        self, x: Sequence[Array], law: Array, cars: CarLoadsAndMasses, factors: Array, matrix: BandMatrix
-    ) -> None:
-        """Add c0 d/dq + c1 d/dv + c2 d/da of the rows at one instant; x : q, v, a (size,).
-
-        factors : (4,) c0, c1, c2, and that of F/M.
-        """
+    def add_tangent(self, x: Sequence[Array], law: Array, factors: Array, matrix: BandMatrix) -> None:
+        """Add c0 d/dq + c1 d/dv + c2 d/da of the rows of segments at one instant; x : q, v, a (size,)."""
         at = balance.Coordinates(*x)
         band = balance.Band(matrix.ab, matrix.columns, matrix.rows, matrix.corner)
-        balance.add_tangent(self._line(law, cars), at, tuple(factors.tolist()), band)
+        balance.add_tangent(self.mesh, self.rope, law, at, tuple(factors.tolist()), band)
 
     def take_steps_with_factors(
         self, law: Array, cars: CarLoadsAndMasses, unknowns: tuple[Any, Any], factors: Sequence[BandFactors],

@@ -13,7 +13,8 @@ from cablefem.newmark import Array
 
 compiled = compiling_decorator(bodies.__file__)
 inner = compiling_decorator(bodies.__file__, inner=True)
-INPUTS = 12  # of `set_car_forces`, see `bodies`
+
+car_forces = inner(bodies.car_forces)
 
 
 class Mesh(NamedTuple):
@@ -38,8 +39,7 @@ class Cars(NamedTuple):
     contacts: NDArray[np.int64]
     forces: NDArray[np.int64]  # slots of F/M, or -1
     swings: NDArray[np.int64]  # slots of phi, or -1
-    gravity: float
-    data: Array  # (1 or instants, m, 12) the first twelve of `bodies.CarLoadsAndMasses`
+    data: Array  # (1 or instants, m, 13) the first of `bodies.CarLoadsAndMasses`
 
 
 class Line(NamedTuple):
@@ -66,20 +66,6 @@ class Band(NamedTuple):
     columns: Array
     rows: Array
     corner: Array
-
-
-@inner
-def add_entry(m: Band, i: int, j: int, value: float) -> None:
-    n = m.ab.shape[1]
-    b = (m.ab.shape[0] - 1) // 3
-    if i < n and j < n:
-        m.ab[2 * b + i - j, j] += value
-    elif i < n:
-        m.columns[i, j - n] += value
-    elif j < n:
-        m.rows[i - n, j] += value
-    else:
-        m.corner[i - n, j - n] += value
 
 
 @inner
@@ -170,40 +156,6 @@ def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -
 
 
 @inner
-def set_car_forces(car: Array, gravity: float, y: Array, out: Array) -> None:
-    """Set out (5,) to C, Q, the load on the rope and the row of phi, from y (INPUTS,), see `bodies`.
-
-    car : the first twelve of `bodies.CarLoadsAndMasses`.
-    """
-    mass, k, wind, mu, thrust, brake, hold, sign, lever, arm, inertia, resistance = car
-    mx = 0.5 * (y[0] + y[2])
-    my = 0.5 * (y[1] + y[3])
-    size = np.sqrt(mx * mx + my * my)
-    tx = mx / size
-    ty = my / size
-    cos = np.cos(y[9])
-    sin = np.sin(y[9])
-    ax = y[4] + arm * y[10] * cos - wind
-    ay = y[5] - arm * y[10] * sin
-    drag = k * np.sqrt(ax * ax + ay * ay + 1e-24)
-    along = mass * y[8] + thrust
-    faster = lever * y[11]
-    slung = lever * y[10] * y[10]
-    out[0] = mass * y[6] - along * tx + drag * ax + faster * cos - slung * sin
-    out[1] = mass * (y[7] - gravity) - along * ty + drag * ay - faster * sin - slung * cos
-    about_hinge = lever * (y[6] * cos - y[7] * sin + gravity * sin)
-    out[4] = inertia * y[11] + about_hinge + resistance * y[10] + arm * drag * (ax * cos - ay * sin)
-    normal = out[0] * ty - out[1] * tx
-    out[3] = normal
-    if normal.real < 0.0:
-        normal = -normal
-    behind = np.sqrt(y[0] * y[0] + y[1] * y[1])
-    ahead = np.sqrt(y[2] * y[2] + y[3] * y[3])
-    stretch = 0.5 * (behind + ahead)
-    out[2] = stretch * (hold - (mu * normal + brake) * sign)
-
-
-@inner
 def set_slope_at_end(line: Line, q: Array, segment: int, end: int, out: Array) -> None:
     """Set the first two of out to r' at the left or the right end, 0 or 1, of a segment."""
     mesh = line.mesh
@@ -244,117 +196,31 @@ def set_slopes_and_motion_at_car(line: Line, j: int, at: Coordinates, y: Array) 
 def add_car_rows_and_set_loads(line: Line, i: int, at: Coordinates, rows: Array, loads: Array) -> None:
     """Add C, - Q and rows of phi of the cars at instant i; set their loads on the rope, the first m."""
     cars = line.cars
-    nn = line.mesh.ends.shape[1]
-    S = first_slot_of_s(line)
-    y = np.empty(INPUTS, np.complex128)
-    out = np.empty(5, np.complex128)
+    y = np.empty(bodies.INPUTS)
     data = cars.data[min(i, cars.data.shape[0] - 1)]
     for j in range(cars.contacts.size):
-        k = cars.contacts[j]
-        swing = cars.swings[j]
         set_slopes_and_motion_at_car(line, j, at, y)
-        set_car_forces(data[j], cars.gravity, y, out)
-        rows[2 * k * (nn - 1)] += out[0].real
-        rows[2 * k * (nn - 1) + 1] += out[1].real
-        rows[S + k] -= out[2].real
-        loads[j] = out[3].real
-        if swing >= 0:
-            rows[swing] += out[4].real
-
-
-@inner
-def set_car_jacobian(line: Line, j: int, y: Array, jacobian: Array) -> None:
-    """Set the derivatives (4, INPUTS) of C, - Q and the row of phi of car j by its inputs y (INPUTS,), complex."""
-    out = np.empty(5, np.complex128)
-    for i in range(INPUTS if line.cars.swings[j] >= 0 else 9):
-        y[i] += 1e-30j
-        set_car_forces(line.cars.data[0, j], line.cars.gravity, y, out)
-        y[i] = y[i].real
-        jacobian[0, i] = out[0].imag / 1e-30
-        jacobian[1, i] = out[1].imag / 1e-30
-        jacobian[2, i] = -out[2].imag / 1e-30
-        jacobian[3, i] = out[4].imag / 1e-30
-
-
-@inner
-def add_car_tangent(line: Line, at: Coordinates, factors: tuple[float, float, float, float], matrix: Band) -> None:
-    """Add the tangent of the rows of the cars at one instant; factors : see `add_tangent`."""
-    nn = line.mesh.ends.shape[1]
-    y = np.empty(INPUTS, np.complex128)
-    jacobian = np.zeros((4, INPUTS))
-    for j in range(line.cars.contacts.size):
-        k = line.cars.contacts[j]
-        swing = line.cars.swings[j]
-        set_slopes_and_motion_at_car(line, j, at, y)
-        set_car_jacobian(line, j, y, jacobian)
-        node = 2 * k * (nn - 1)
-        slots = (node, node + 1, first_slot_of_s(line) + k, swing)
-        for row in range(4 if swing >= 0 else 3):
-            add_slopes_to_car_tangent(line, j, at, slots[row], jacobian[row], factors[0], matrix)
-            add_motion_to_car_tangent(line.cars, j, node, slots[row], jacobian[row], factors, matrix)
-
-
-@inner
-def add_slopes_to_car_tangent(
-    line: Line, j: int, at: Coordinates, slot: int, by_input: Array, c0: float, matrix: Band
-) -> None:
-    """Add what the slopes behind and ahead of car j give to the row of a slot; by_input : its row of the jacobian."""
-    nn = line.mesh.ends.shape[1]
-    S = first_slot_of_s(line)
-    for side in range(2):
-        segment = line.cars.contacts[j] - 1 + side
-        shapes = line.mesh.ends[1 - side]
-        h = at.q[S + segment + 1] - at.q[S + segment]
-        by_h = 0.0
-        for axis in range(2):
-            factor = by_input[2 * side + axis] * c0 / h
-            slope = 0.0
-            for m in range(nn):
-                slope += shapes[m] * at.q[2 * (segment * (nn - 1) + m) + axis] / h
-                if shapes[m] != 0.0:
-                    add_entry(matrix, slot, 2 * (segment * (nn - 1) + m) + axis, factor * shapes[m])
-            by_h -= factor * slope
-        add_entry(matrix, slot, S + segment + 1, by_h)
-        add_entry(matrix, slot, S + segment, -by_h)
-
-
-@inner
-def add_motion_to_car_tangent(
-    cars: Cars, j: int, node: int, slot: int, by_input: Array, factors: tuple[float, float, float, float],
-    matrix: Band,
-) -> None:  # fmt: skip
-    """Add what the motion of car j, its F/M and its swing give to the row of a slot; node : slot of its x."""
-    c0, c1, c2, of_force = factors
-    force = cars.forces[j]
-    swing = cars.swings[j]
-    for axis in range(2):
-        add_entry(matrix, slot, node + axis, by_input[4 + axis] * c1 + by_input[6 + axis] * c2)
-    if force >= 0:
-        add_entry(matrix, slot, force, by_input[8] * of_force)
-    if swing >= 0:
-        add_entry(matrix, slot, swing, by_input[9] * c0 + by_input[10] * c1 + by_input[11] * c2)
+        forces = car_forces(data[j], y)
+        node = 2 * cars.contacts[j] * (line.mesh.ends.shape[1] - 1)
+        rows[node] += forces.contact_x
+        rows[node + 1] += forces.contact_y
+        rows[first_slot_of_s(line) + cars.contacts[j]] -= forces.drive
+        loads[j] = forces.normal
+        if cars.swings[j] >= 0:
+            rows[cars.swings[j]] += forces.swing
 
 
 @compiled
-def add_tangent(line: Line, at: Coordinates, factors: tuple[float, float, float, float], matrix: Band) -> None:
-    """Add c0 d/dq + c1 d/dv + c2 d/da of the rows at one instant, see `Segments.tangent`.
-
-    factors : c0, c1, c2, and the factor of forces F/M
-    """
-    add_rope_tangent(line, at, factors, matrix)
-    add_car_tangent(line, at, factors, matrix)
-
-
-@inner
-def add_rope_tangent(line: Line, at: Coordinates, factors: tuple[float, float, float, float], matrix: Band) -> None:
-    """Add the tangent of the rows of the segments at one instant; factors : see `add_tangent`."""
-    mesh, rope, law, _ = line
+def add_tangent(
+    mesh: Mesh, rope: Rope, law: Array, at: Coordinates, factors: tuple[float, float, float], matrix: Band
+) -> None:
+    """Add c0 d/dq + c1 d/dv + c2 d/da of the rows of the segments at one instant, see `Segments.tangent`."""
     q, v, a = at
-    c0, c1, c2, _ = factors
+    c0, c1, c2 = factors
     count = law.shape[1]
     elements, n_loc = mesh.dofs.shape
     nn = mesh.ends.shape[1]
-    S = first_slot_of_s(line)
+    S = 2 * (count * (nn - 1) + 1)
     f = np.empty(10)
     w = np.empty(2)
     dw = np.empty(2)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements import trolley
+from cablefem.elements import bodies, trolley
 from cablefem.elements.segment_kernels.balance import (
     Coordinates,
     Line,
@@ -21,6 +21,7 @@ from cablefem.newmark import Array
 
 Slots = NDArray[np.int64]
 
+counterweight_row = inner(bodies.counterweight_row)
 wheel_forces = inner(trolley.wheel_forces)
 body_forces = inner(trolley.body_forces)
 base_with_rates = inner(trolley.base_with_rates)
@@ -33,7 +34,7 @@ class Supports(NamedTuple):
     stiffness: Array
     unloaded: Array  # x or y
     weights: Slots  # of s
-    numbers: Array  # (n, 5) G, e, m (1 + G/EA), q y of the pulley, EA
+    numbers: Array  # (n, 6) of `bodies.counterweight_row`
 
 
 class Trolleys(NamedTuple):
@@ -125,18 +126,14 @@ def set_rows_and_loads(line: Contacts, i: int, z: Array, rows: Array, loads: Arr
 
 @inner
 def add_support_rows(line: Contacts, at: Coordinates, rows: Array) -> None:
-    """Add springs and counterweights, see `LineBalance.counterweight_row`."""
+    """Add springs and counterweights."""
     supports = line.supports
     for i in range(supports.springs.size):
         slot = supports.springs[i]
         rows[slot] += supports.stiffness[i] * (at.q[slot] - supports.unloaded[i])
     for i in range(supports.weights.size):
         slot = supports.weights[i]
-        force, sign, mass, height, EA = supports.numbers[i]
-        N = force + sign * mass * at.a[slot]
-        speed = at.v[slot] * (1.0 + N / EA)
-        kinetic = 0.5 * line.line.rope.rho * speed**2
-        rows[slot] += sign * (N + N**2 / (2.0 * EA) + (height - kinetic))
+        rows[slot] += counterweight_row(supports.numbers[i], at.v[slot], at.a[slot])
 
 
 @inner

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.kernels.collocation import set_weighted_sums
+from cablefem.elements.kernels.collocation import set_end_state, set_node_state, set_weighted_sums
 from cablefem.elements.segment_kernels.balance import compiled, inner
 from cablefem.elements.segment_kernels.contacts import Contacts, Slots, set_dependent_coordinates, set_rows_and_loads
 from cablefem.newmark import Array, Newton, Tableau
@@ -42,13 +42,21 @@ class Steps(NamedTuple):
     results: Array  # (m, 5) output: see `newmark.StepResult`
 
 
+class Step(NamedTuple):
+    """See `kernels.collocation.Step`."""
+
+    start: Array  # (2, n_dof)
+    dt: float
+    a: Array  # (s, n_dof)
+    rule: Tableau
+
+
 class Workspace(NamedTuple):
     """Of the nodes of a step."""
 
     z: Array  # (3, size)
     loads: Array  # (cars + 1,)
-    q: Array  # (s, n_dof) sums of accelerations
-    v: Array
+    x: Array  # (3, n_dof)
     r: Array  # (s, size) residuals
     da: Array  # (s, size) corrections
     along: Complex  # (m, size) along the eigenvectors
@@ -69,8 +77,7 @@ def take_steps_with_factors(
     space = Workspace(
         np.empty((3, size)),
         np.empty(line.line.cars.contacts.size + 1),
-        np.empty((nodes, n)),
-        np.empty((nodes, n)),
+        np.empty((3, n)),
         np.empty((nodes, size)),
         np.empty((nodes, size)),
         np.empty((modes, size), np.complex128),
@@ -79,7 +86,8 @@ def take_steps_with_factors(
     for k in range(steps.results.shape[0]):
         if not correct_until_converged(line, unknowns, factors, steps, k, rule, newton, space):
             return k
-        set_end_state(steps, k, rule)
+        step = Step(steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k], rule)
+        set_end_state(step, steps.ends[k + 1])
         if k + 1 < steps.a.shape[0]:
             set_weighted_sums(steps.extrapolation[k + 1], steps.a[k], steps.a[k + 1])
         if steps.results[k, 4] == 0.0:
@@ -124,41 +132,24 @@ def set_residuals_return_norm(
     line: Contacts, unknowns: Unknowns, steps: Steps, k: int, rule: Tableau, space: Workspace
 ) -> float:
     """Set the residuals of all nodes of step k, 0 for what is no moving unknown; return their norm."""
-    a = steps.a[k]
-    set_weighted_sums(rule.A, a, space.v)
-    set_weighted_sums(rule.AA, a, space.q)
-    dt = steps.t[k + 1] - steps.t[k]
-    q0 = steps.ends[k, 0]
-    v0 = steps.ends[k, 1]
+    x = space.x
     z = space.z
+    step = Step(steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k], rule)
     square = 0.0
-    for i in range(a.shape[0]):
+    for i in range(step.a.shape[0]):
+        set_node_state(step, i, x)
         z[:] = steps.prescribed[:, k, i]
-        for j in range(v0.size):
-            slot = unknowns.slots[j]
-            z[0, slot] = q0[j] + rule.c[i] * dt * v0[j] + dt * dt * space.q[i, j]
-            z[1, slot] = v0[j] + dt * space.v[i, j]
-            z[2, slot] = a[i, j]
+        for j in range(x.shape[1]):
+            for row in range(3):
+                z[row, unknowns.slots[j]] = x[row, j]
         set_dependent_coordinates(line, z)
         rows = space.r[i]
-        set_rows_and_loads(line, k * a.shape[0] + i, z, rows, space.loads)
+        set_rows_and_loads(line, k * step.a.shape[0] + i, z, rows, space.loads)
         for j in range(rows.size):
             if not unknowns.moving[j]:
                 rows[j] = 0.0
             square += rows[j] * rows[j]
     return math.sqrt(square)
-
-
-@inner
-def set_end_state(steps: Steps, k: int, rule: Tableau) -> None:
-    """Set q and v at the end of step k."""
-    dt = steps.t[k + 1] - steps.t[k]
-    end = steps.ends[k + 1]
-    set_weighted_sums(rule.ends, steps.a[k], end)
-    for j in range(end.shape[1]):
-        v0 = steps.ends[k, 1, j]
-        end[0, j] = steps.ends[k, 0, j] + dt * (v0 + dt * end[0, j])
-        end[1, j] = v0 + dt * end[1, j]
 
 
 @inner
