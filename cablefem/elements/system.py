@@ -178,6 +178,7 @@ class LineElements(LineBalance):
 
     def _set_brakes(self, i: int, s: float) -> None:
         """Set the brakes of car i at s."""
+        self.reached[i] = s
         drive = self.line.cars_on_rope[i].drive
         self.brakes[i] = drive.brake_force(s)
         self.rear_brakes[i] = drive.rear_brake_force(s)
@@ -281,7 +282,10 @@ class LineElements(LineBalance):
         gaps = np.diff(z.q[..., self.s])[..., self._gaps] - NEAREST
         ahead = [z.v[..., self.slot_of_s(i)] * self.signs[i] for i in self._stops]
         sticks = [self._sticks(i) for i in self._stops]
-        to_brakes = [position - z.q[..., self.slot_of_s(i)] for i, position in self._brakes]
+        to_brakes = []
+        for i, position in self._brakes:
+            away = position - z.q[..., self.slot_of_s(i)]
+            to_brakes.append(away if position > self.reached[i] else np.full_like(away, np.inf))
         with np.errstate(all="ignore"):  # contacts that meet
             rows = self.balance_rows(t, z, phase)
             loads = self.loads.reshape(*np.shape(t), self.loads.shape[-1])
