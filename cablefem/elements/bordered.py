@@ -59,25 +59,19 @@ class DenseMatrix:
 class BandMatrix:
     """A band matrix of n unknowns with border rows and columns; numbers count through."""
 
-    def __init__(self, n: int, band: int, border: int) -> None:
-        self.n = n
-        self.b = band
-        self.ab: Any = np.zeros((3 * band + 1, n), order="F")  # as LAPACK's gbtrf
-        self.columns: Any = np.zeros((n, border))
-        self.rows: Any = np.zeros((border, n))
-        self.corner: Any = np.zeros((border, border))
+    def __init__(self, ab: Any, columns: Any, rows: Any, corner: Any) -> None:
+        """ab : (3 b + 1, n) as LAPACK's gbtrf."""
+        self.b = len(ab) // 3
+        self.n = ab.shape[1]
+        self.ab = ab
+        self.columns = columns
+        self.rows = rows
+        self.corner = corner
 
     @property
     def dtype(self) -> Any:
         """Type of its numbers."""
         return self.ab.dtype
-
-    def add_imaginary_part(self, other: BandMatrix) -> None:
-        """Add 1j times another one."""
-        self.ab = self.ab + 1j * other.ab
-        self.columns = self.columns + 1j * other.columns
-        self.rows = self.rows + 1j * other.rows
-        self.corner = self.corner + 1j * other.corner
 
     def _in_band(self, i: Indices, j: Indices) -> tuple[Indices, Indices]:
         """Where `ab` has the entries (i, j)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -26,6 +27,9 @@ from cablefem.scene.contacts import MovingLine
 
 if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
+
+
+Derivatives = list[tuple[Array, Array]]  # see `Trolley.derivatives`
 
 
 class RopeAndCars(NamedTuple):
@@ -212,18 +216,16 @@ class LineBalance(LineCoordinates):
 
     # --- tangent ---------------------------------------------------------------------------------------------
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
-        x = self.coordinates_from_unknowns(t, q, v, a, phase)
-        rows = self._select_unknown_rows(self.balance_rows(t, x, phase))
-        return rows, self._tangent_solver_of_unknowns(t, x, phase, c)
+        return self.residual(t, q, v, a, phase), self.factorised_tangents(t, q, v, a, phase, [c])[0]
 
-    def factorised_tangent(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> Solve:
+    def factorised_tangents(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, cs: Sequence[TangentFactors]
+    ) -> list[Solve]:
+        """The solutions for all unknowns; cars that stick have 0 in both sides."""
         x = self.coordinates_from_unknowns(t, q, v, a, phase)
-        return self._tangent_solver_of_unknowns(t, x, phase, c)
-
-    def _tangent_solver_of_unknowns(self, t: float, x: Coordinates, phase: int, c: TangentFactors) -> Solve:
-        """The solution for all unknowns, 0 for s of cars that stick."""
         rope_and_cars = RopeAndCars(self.law, self.car_loads_and_masses(t, phase))
-        return CoordinateSolve(self._factorise(x, rope_and_cars, c, self.moving), self.size, self._unknown)
+        factors = self._factorise(x, rope_and_cars, cs, self.moving)
+        return [CoordinateSolve(one, self.size, self._unknown) for one in factors]
 
     @property
     def moving(self) -> Mask:
@@ -234,30 +236,48 @@ class LineBalance(LineCoordinates):
 
     def tangent_solver(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: Mask) -> Solve:
         """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free coordinates; without c2 forces F/M count once."""
-        return CoordinateSolve(self._factorise(x, rope_and_cars, c, free), self.size, np.flatnonzero(free))
+        (factors,) = self._factorise(x, rope_and_cars, [c], free)
+        return CoordinateSolve(factors, self.size, np.flatnonzero(free))
 
-    def _factorise(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: Mask) -> Solve:
-        """The solution of all coordinates, in which those that are not free drop out."""
+    def _factorise(
+        self, x: Coordinates, rope_and_cars: RopeAndCars, cs: Sequence[TangentFactors], free: Mask
+    ) -> list[Solve]:
+        """The solutions of all coordinates, in which those that are not free drop out."""
         rope_rows = np.empty(0)
         if self.trolleys:
             rope_rows = self._rope_rows_noting_loads(x, *rope_and_cars)
         law, cars = rope_and_cars
-        matrix = self._rope_band(x, law, c) if self.compiled else self._dense_rope_tangent(x, law, c)
-        self._add_contact_tangents(matrix, x, rope_rows, cars, c)
-        matrix.fix_unknowns_at_zero(np.flatnonzero(np.logical_not(free)))
-        return matrix.factorise_in_place()
+        points = self._point_car_derivatives(x, cars)
+        wheels = [trolley.derivatives(x, rope_rows[trolley.points.ravel()], cars) for trolley in self.trolleys]
+        matrices: Sequence[Any] = (
+            self._rope_bands(x, rope_and_cars, cs)
+            if self.compiled
+            else [self._dense_rope_tangent(x, law, c) for c in cs]
+        )
+        for matrix, c in zip(matrices, cs, strict=True):
+            self._add_contact_tangents(matrix, x, points, wheels, c)
+            matrix.fix_unknowns_at_zero(np.flatnonzero(np.logical_not(free)))
+        return [matrix.factorise_in_place() for matrix in matrices]
 
-    def _rope_band(self, x: Coordinates, law: Array, c: TangentFactors) -> BandMatrix:
-        """The tangent of segments; complex factors by two real ones, compiled once."""
-        factors = np.array(c)
-        inner = 2 * self.n
-        matrix = BandMatrix(inner, self.band, self.size - inner)
-        self._kernel.add_tangent(x, law, factors.real, matrix)
-        if np.iscomplexobj(factors):
-            other = BandMatrix(inner, self.band, self.size - inner)
-            self._kernel.add_tangent(x, law, factors.imag, other)
-            matrix.add_imaginary_part(other)
-        return matrix
+    def _rope_bands(self, x: Coordinates, rope_and_cars: RopeAndCars, cs: Sequence[TangentFactors]) -> list[BandMatrix]:
+        """The tangents of segments; complex factors by two real ones, compiled once."""
+        n = 2 * self.n
+        border = self.size - n
+        factors: list[Any] = []
+        for c in cs:
+            factors += [np.real(c), np.imag(c)] if np.iscomplexobj(c) else [c]
+        shapes = (n, 3 * self.band + 1), (n, border), (border, n), (border, border)
+        arrays = [np.zeros((len(factors), *shape)) for shape in shapes]
+        self._kernel.add_rope_tangents(x, rope_and_cars, np.array(factors), arrays)
+        parts = zip(*arrays, strict=True)
+        out = []
+        for c in cs:
+            entries = next(parts)
+            if np.iscomplexobj(c):
+                entries = tuple(real + 1j * imaginary for real, imaginary in zip(entries, next(parts), strict=True))
+            ab, *others = entries
+            out.append(BandMatrix(ab.T, *others))
+        return out
 
     def _dense_rope_tangent(self, x: Coordinates, law: Array, c: TangentFactors) -> DenseMatrix:
         """The same by numpy."""
@@ -269,14 +289,17 @@ class LineBalance(LineCoordinates):
         return matrix
 
     def _add_contact_tangents(
-        self, matrix: Matrix, x: Coordinates, rope_rows: Array, cars: CarLoadsAndMasses, c: TangentFactors
+        self, matrix: Matrix, x: Coordinates, points: Derivatives, wheels: Derivatives, c: TangentFactors
     ) -> None:
-        """Add supports, cars on two wheels, and the rows that determine F."""
+        """Add supports, cars, and the rows that determine F."""
         self._add_support_tangent(matrix, x, c)
-        if self.point_cars:
-            self._add_car_tangent(matrix, x, cars, c)
-        for trolley in self.trolleys:
-            trolley.add_tangent(matrix, x, rope_rows[trolley.points.ravel()], cars, c)
+        factors = *c, c[2] or 1.0
+        slots = [self._row_slots(i) for i in self.point_cars] + [trolley.rows.tolist() for trolley in self.trolleys]
+        for rows, (by_input, inputs) in zip(slots, [*points, *wheels], strict=True):
+            for slot, values in zip(rows, by_input @ np.tensordot(factors, inputs, 1), strict=False):
+                matrix.add_row(slot, values)
+        for trolley, (by_input, _) in zip(self.trolleys, wheels, strict=True):
+            trolley.add_rope_and_follow(matrix, x.q[trolley.body[2]], by_input[:, 8:12])
         for slot, rail in self.rails:
             slope = rail.depth_with_derivatives(x.q[slot])[1]
             matrix.let_unknown_follow_previous(slot + 1, slope)
@@ -297,27 +320,25 @@ class LineBalance(LineCoordinates):
             by_ds = sign * rho * ds * lam**2
             matrix.add_entry(slot, slot, by_dds * c2 - by_ds * c1)
 
-    def _add_car_tangent(self, matrix: Matrix, x: Coordinates, cars: CarLoadsAndMasses, c: TangentFactors) -> None:
-        """Add the chain of `car_force_jacobian` (n, 4, INPUTS) and of its inputs by the coordinates."""
-        jacobian = car_force_jacobian(cars, self.slopes_and_motion_at_cars(x))
-        for i in self.point_cars:
-            k = self.car_contacts[i]
-            swing = self.swing[np.equal(self.of_swing, i)]
-            slots = [*self.xy[k], self.s[k], *swing]
-            by_coordinates = self._car_inputs_by_coordinates(i, x, c, matrix.dtype)
-            for slot, values in zip(slots, jacobian[i] @ by_coordinates, strict=False):
-                matrix.add_row(slot, values)
-
-    def _car_inputs_by_coordinates(self, i: int, x: Coordinates, c: TangentFactors, dtype: Any) -> Array:
-        """Derivatives (INPUTS, size) of slopes and motion of car i by all coordinates, times the factors c."""
-        c0, c1, c2 = c
+    def _row_slots(self, i: int) -> list[int]:
+        """Slots of the rows of car i on one contact."""
         k = self.car_contacts[i]
-        out = np.zeros((INPUTS, self.size), dtype)
-        out[:4] = c0 * self.slopes_beside_by_coordinates(k, x.q)
-        out[[4, 5], self.xy[k]] = c1
-        out[[6, 7], self.xy[k]] = c2
-        out[8, self.force[np.equal(self.of_force, i)]] = c2 or 1.0
-        swing = self.swing[np.equal(self.of_swing, i)]
-        for row, factor in zip(out[9:], c, strict=True):
-            row[swing] = factor
+        return [*self.xy[k], self.s[k], *self.swing[np.equal(self.of_swing, i)]]
+
+    def _point_car_derivatives(self, x: Coordinates, cars: CarLoadsAndMasses) -> Derivatives:
+        """Of the rows of cars on one contact, see `Trolley.derivatives`."""
+        if not self.point_cars:
+            return []
+        jacobian = car_force_jacobian(cars, self.slopes_and_motion_at_cars(x))
+        return [(jacobian[i], self._car_inputs_by_coordinates(i, x.q)) for i in self.point_cars]
+
+    def _car_inputs_by_coordinates(self, i: int, q: Array) -> Array:
+        k = self.car_contacts[i]
+        out = np.zeros((4, INPUTS, self.size))
+        out[0, :4] = self.slopes_beside_by_coordinates(k, q)
+        out[1, [4, 5], self.xy[k]] = 1.0
+        out[2, [6, 7], self.xy[k]] = 1.0
+        out[3, 8, self.force[np.equal(self.of_force, i)]] = 1.0
+        for order in range(3):
+            out[order, 9 + order, self.swing[np.equal(self.of_swing, i)]] = 1.0
         return out

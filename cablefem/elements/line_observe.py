@@ -350,12 +350,13 @@ def _trolley_motion_and_powers(x: _History, trolley: Trolley, data: CarLoadsAndM
     forces = trolley.forces(data, inputs)
     wheels = []
     slopes = [*trolley.rope_slopes_at_wheels(x.q).swapaxes(0, 1)]  # (n, 2) each
+    loads = forces.rear.load, forces.front.load
     for j, wheel in enumerate((k - 1, k)):
         name = x.system.line.contacts_and_wheels[wheel].name
-        wheels.append(_wheel_motion(x, name, wheel, forces.loads[j], slopes[2 * j : 2 * j + 2]))
+        wheels.append(_wheel_motion(x, name, wheel, loads[j], slopes[2 * j : 2 * j + 2]))
     rear, front = wheels
     pitch = trolley.body[2]
-    centre = front.point + np.stack(forces.centre, axis=1)
+    centre = front.point + np.stack([forces.body.centre_x, forces.body.centre_y], axis=1)
     turning = Turning(
         angle=x.q[:, pitch],
         rate=x.v[:, pitch],
@@ -372,17 +373,16 @@ def _trolley_motion_and_powers(x: _History, trolley: Trolley, data: CarLoadsAndM
         wheels,
         turning,
         haul=haul,
-        grip=row_of_s / forces.stretch,
+        grip=row_of_s / forces.front.stretch,
         contact=rear.load + front.load,
         shoe=np.zeros(x.t.size),
     )
-    rear_friction, front_friction = forces.friction
     powers = {
-        "friction": rear_friction * rear.ds + front_friction * front.ds,
-        "drag": forces.drag,
+        "friction": forces.rear.friction * rear.ds + forces.front.friction * front.ds,
+        "drag": forces.body.drag,
         "grip": row_of_s * front.ds,
-        "haul": forces.haul,
-        "thrust": forces.thrust,
+        "haul": forces.body.haul,
+        "thrust": forces.body.thrust,
         "hold": forces.hold * front.ds,
     }
     return motion, _powers_of_drive(car, powers)

@@ -146,7 +146,8 @@ def _guess_contact_points_and_tensions(system: LineBalance, q: Array, free: Mask
     """
     line = system.line
     x = _guess_contact_x(system, q)
-    for _ in range(8):  # guess x from s
+    near = 1e-4  # change of x over the reach
+    for _ in range(8):  # guess x from s, at most
         stations = tuple(_station_of(c, x[k], line.gravity) for k, c in enumerate(line.contacts_and_wheels))
         case = Case(stations, line.weight_per_length, line.rope.EA, length=line.rope.length)
         guess = _guess_or_raise(case, line)
@@ -157,6 +158,8 @@ def _guess_contact_points_and_tensions(system: LineBalance, q: Array, free: Mask
                 moved[k] = q[slot] - guess.s[k]
         for trolley in system.trolleys:
             moved[trolley.k - 1] = moved[trolley.k]
+        if np.abs(moved).max() <= near * np.ptp(x):
+            break
         x = _order_cars_in_spans(system, x + moved)
     return guess
 

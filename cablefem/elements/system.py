@@ -253,10 +253,9 @@ class LineElements(LineBalance):
         nodes = rule.node_times(steps.t[: count + 1])
         cars = self.car_loads_and_masses(nodes, phase)
         prescribed = self.prescribed_coordinates(nodes, phase)
-        unknowns = self._unknown, self.moving
         factors = [solve.factors for solve in solves]
         taken, results = self._kernel.take_steps_with_factors(
-            self.law, cars, unknowns, factors, steps, prescribed, rule, newton
+            self.law, cars, self._unknown, self.moving, factors, steps, prescribed, rule, newton
         )
         if taken < count or not results[-1, 4]:
             self.factors = None
@@ -329,7 +328,8 @@ class LineElements(LineBalance):
             by_car[i] = [load]
         for trolley in self.trolleys:
             inputs = trolley.force_inputs(x, rows[..., trolley.points.ravel()])
-            by_car[trolley.i] = trolley.forces(cars, inputs).loads
+            forces = trolley.forces(cars, inputs)
+            by_car[trolley.i] = [forces.rear.load, forces.front.load]
         for i, car in enumerate(self.line.cars_on_rope):
             if car.rail is not None:
                 by_car[i] = [np.full(rows.shape[:-1], np.inf)]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.elements.bodies import STEP, CarLoadsAndMasses
-from cablefem.newmark import Array, TangentFactors
+from cablefem.newmark import Array
 from cablefem.scene.contacts import Car
 
 if TYPE_CHECKING:
@@ -34,20 +34,6 @@ INPUTS = 20
 Slots = NDArray[np.intp]  # numbers of coordinates
 
 
-class TrolleyForces(NamedTuple):
-    """On a trolley, each (...), and its rows."""
-
-    rows: tuple[Array, ...]  # of X, th and s of both wheels
-    centre: tuple[Array, Array]  # c - X
-    loads: tuple[Array, Array]  # of the rear wheel and of the front one
-    friction: tuple[Array, Array]  # <lam> f without the hold
-    hold: Array  # <lam> times it, at the front wheel
-    stretch: Array  # <lam> there
-    thrust: Array  # [W] of it, as the others below
-    haul: Array
-    drag: Array
-
-
 class WheelForces(NamedTuple):
     load: Array  # on the rope
     friction: Array  # <lam> f without the hold
@@ -55,7 +41,7 @@ class WheelForces(NamedTuple):
 
 
 class BodyForces(NamedTuple):
-    """Rows of X and th, and what `TrolleyForces` has of them."""
+    """Rows of X and th, c - X and powers [W]."""
 
     of_X: Array
     of_Y: Array
@@ -65,6 +51,20 @@ class BodyForces(NamedTuple):
     thrust: Array
     haul: Array
     drag: Array
+
+
+class TrolleyForces(NamedTuple):
+    """On a trolley."""
+
+    body: BodyForces
+    rear: WheelForces
+    front: WheelForces
+    hold: Array  # <lam> times it, at the front wheel
+
+    @property
+    def rows(self) -> tuple[Array, ...]:
+        """Rows of X, th and s of both wheels."""
+        return (*self.body[:3], -self.rear.friction, -self.front.friction - self.hold)
 
 
 # --- of arrays, and in `segment_kernels` of numbers --------------------------------------------------------------
@@ -182,54 +182,42 @@ class Trolley:
         rear = wheel_forces(inputs[0:4], inputs[8:10], mu_r, rear_brake, sign)
         front = wheel_forces(inputs[4:8], inputs[10:12], mu_r, front_brake, sign)
         hold = front.stretch * cars.hold.T[self.i]
-        return TrolleyForces(
-            rows=(body.of_X, body.of_Y, body.of_th, -rear.friction, -front.friction - hold),
-            centre=(body.centre_x, body.centre_y),
-            loads=(rear.load, front.load),
-            friction=(rear.friction, front.friction),
-            hold=hold,
-            stretch=front.stretch,
-            thrust=body.thrust,
-            haul=body.haul,
-            drag=body.drag,
-        )
+        return TrolleyForces(body, rear, front, hold)
 
-    def add_tangent(
-        self, matrix: Matrix, coordinates: Sequence[Array], rope_rows: Array, cars: CarLoadsAndMasses, c: TangentFactors
-    ) -> None:
-        """Add c0 d/dq + c1 d/dv + c2 d/da of the rows; the nodes follow the body in the columns of `matrix`.
-
-        What the pitch rate adds there to c1 and c2 is left out: it is of the order of the rate times the step.
-        """
+    def derivatives(
+        self, coordinates: Sequence[Array], rope_rows: Array, cars: CarLoadsAndMasses
+    ) -> tuple[Array, Array]:
+        """Of the rows, by the inputs (5, INPUTS), and of these by q, v, a and F/M (4, INPUTS, size)."""
         q = coordinates[0]
         y = self.force_inputs(coordinates, rope_rows)
         shifted = y[:, None] + 1j * STEP * np.eye(INPUTS)
         rows = self.forces(cars, shifted).rows
-        by_input = np.array([row.imag / STEP for row in rows])  # (5, INPUTS)
-        by_coordinates = np.zeros((INPUTS, q.size), matrix.dtype)
-        c0, c1, c2 = c
+        inputs = np.zeros((4, INPUTS, q.size))
         slopes = [self.system.slopes_beside_by_coordinates(k, q) for k in self.contacts.tolist()]
-        by_coordinates[:8] = c0 * np.concatenate(slopes)
-        by_coordinates[12, self.body[2]] = c0
-        by_coordinates[[13, 14, 15], self.body] = c1
-        by_coordinates[[16, 17, 18], self.body] = c2
+        inputs[0, :8] = np.concatenate(slopes)
+        inputs[0, 12, self.body[2]] = 1.0
+        inputs[1, [13, 14, 15], self.body] = 1.0
+        inputs[2, [16, 17, 18], self.body] = 1.0
         if self.force >= 0:
-            by_coordinates[19, self.force] = c2 or 1.0
-        for slot, values in zip(self.rows.tolist(), by_input @ by_coordinates, strict=True):
-            matrix.add_row(slot, values)
-        self._let_wheels_follow(matrix, q[self.body[2]])
-        by_rope_rows = by_input[:, 8:12]
+            inputs[3, 19, self.force] = 1.0
+        return np.array([row.imag / STEP for row in rows]), inputs
+
+    def add_rope_and_follow(self, matrix: Matrix, pitch: float, by_rope_rows: Array) -> None:
+        """Let the nodes follow the body in the columns, and add the rows of the rope to its own, by_rope_rows (5, 4).
+
+        What the pitch rate adds to c1 and c2 is left out: it is of the order of the rate times the step.
+        """
+        self._let_wheels_follow(matrix, pitch)
         for row, column in np.argwhere(by_rope_rows).tolist():
             rope_row = int(self.points.flat[column])
             matrix.add_multiple_of_row(rope_row, int(self.rows[row]), by_rope_rows[row, column])
 
     def _let_wheels_follow(self, matrix: Matrix, pitch: float) -> None:
         """Add the columns of the nodes at both wheels to those of X and th."""
-        x, y, th = self.body
-        (rear_x, rear_y), (front_x, front_y) = self.points
-        matrix.add_multiple_of_column(front_x, x, 1.0)
-        matrix.add_multiple_of_column(front_y, y, 1.0)
-        matrix.add_multiple_of_column(rear_x, x, 1.0)
-        matrix.add_multiple_of_column(rear_y, y, 1.0)
+        *axes, th = self.body
+        for wheel in self.points:
+            for slot, axis in zip(wheel, axes, strict=True):
+                matrix.add_multiple_of_column(slot, axis, 1.0)
+        rear_x, rear_y = self.points[0]
         matrix.add_multiple_of_column(rear_x, th, self.wheels.base * math.sin(pitch))
         matrix.add_multiple_of_column(rear_y, th, -self.wheels.base * math.cos(pitch))

@@ -71,7 +71,7 @@ class _StepNodes:
         q, v, a = (x[middle] for x in self.node_states())
         lams = [self.dt * (value if value.imag else value.real) for value in rule.eigenvalues]
         cs = [(lam * lam, lam, 1.0) for lam in lams]
-        self.solves = [self.system.factorised_tangent(self.t[middle], q, v, a, self.phase, c) for c in cs]
+        self.solves = self.system.factorised_tangents(self.t[middle], q, v, a, self.phase, cs)
         return self.solve_with_tangent
 
     def solve_with_tangent(self, residual: Array) -> Array:

@@ -1,7 +1,7 @@
 """What a system defines, and defaults for the rest."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -63,9 +63,11 @@ class System(Protocol):
         """
         raise NotImplementedError
 
-    def factorised_tangent(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> Solve:
-        """The second of `linearise`."""
-        return self.linearise(t, q, v, a, phase, c)[1]
+    def factorised_tangents(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, cs: Sequence[TangentFactors]
+    ) -> list[Solve]:
+        """The second of `linearise` for each of several factors."""
+        return [self.linearise(t, q, v, a, phase, c)[1] for c in cs]
 
     # --- steps -----------------------------------------------------------------------------------------
     def solve_step(self, t: float, phase: int, start: Array, end_out: Array, rule: Array, newton: Newton) -> StepResult:

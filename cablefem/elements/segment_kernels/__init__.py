@@ -13,8 +13,8 @@ from cablefem.newmark import Array, Newton, Steps, Tableau
 
 if TYPE_CHECKING:
     from cablefem.elements.bodies import CarLoadsAndMasses
-    from cablefem.elements.bordered import BandFactors, BandMatrix
-    from cablefem.elements.line_balance import LineBalance
+    from cablefem.elements.bordered import BandFactors
+    from cablefem.elements.line_balance import LineBalance, RopeAndCars
 
 TROLLEY_DATA = [4, 5, 6, 7, 13]  # numbers of `contacts.Trolleys.data` in `CarLoadsAndMasses`
 
@@ -92,20 +92,21 @@ class Kernel:
         at = balance.Coordinates(*x)
         balance.add_rows_and_set_loads(self._line(law, cars), at, rows, loads_and_min_tension)
 
-    def add_tangent(self, x: Sequence[Array], law: Array, factors: Array, matrix: BandMatrix) -> None:
-        """Add c0 d/dq + c1 d/dv + c2 d/da of the rows of segments at one instant; x : q, v, a (size,)."""
-        at = balance.Coordinates(*x)
-        band = balance.Band(matrix.ab, matrix.columns, matrix.rows, matrix.corner)
-        balance.add_tangent(self.mesh, self.rope, law, at, tuple(factors.tolist()), band)
+    def add_rope_tangents(
+        self, x: Sequence[Array], rope_and_cars: RopeAndCars, factors: Array, matrices: Sequence[Array]
+    ) -> None:
+        """See `balance.add_rope_tangents`; x : q, v, a (size,)."""
+        line = self._line(*rope_and_cars)
+        balance.add_rope_tangents(line, balance.Coordinates(*x), factors, balance.Bands(*matrices))
 
     def take_steps_with_factors(
-        self, law: Array, cars: CarLoadsAndMasses, unknowns: tuple[Any, Any], factors: Sequence[BandFactors],
+        self, law: Array, cars: CarLoadsAndMasses, slots: Any, moving: Any, factors: Sequence[BandFactors],
         steps: Steps, prescribed: Array, rule: Tableau, newton: Newton,
     ) -> tuple[int, Array]:  # fmt: skip
         """Take m steps with the factors of a step before; return how many converged, and the results of all tried.
 
         cars : at all nodes of all steps;  prescribed : coordinates with rates there (3, m, s, size).
-        unknowns : see `march.Unknowns`.
+        slots, moving : see `march.March`.
         """
         on_one, trolleys = self._car_data(cars)
         line = balance.Line(self.mesh, self.rope, law, on_one)
@@ -114,5 +115,5 @@ class Kernel:
         kernel_steps = march.Steps(*steps, prescribed, results)
         of_modes = [x.inverted_diagonal() for x in factors]
         stacked = march.Factors(*(np.array(x) for x in zip(*of_modes, strict=True)))
-        taken = march.take_steps_with_factors(whole, march.Unknowns(*unknowns), stacked, kernel_steps, rule, newton)
+        taken = march.take_steps_with_factors(whole, slots, moving, stacked, kernel_steps, rule, newton)
         return taken, results[: taken + 1]

@@ -59,28 +59,67 @@ class Coordinates(NamedTuple):
     a: Array
 
 
-class Band(NamedTuple):
-    """A bordered band, see `bordered.BandMatrix`."""
+class Bands(NamedTuple):
+    """Of m matrices, see `bordered.BandMatrix`."""
 
-    ab: Array
+    ab: Array  # (m, n, 3 b + 1)
     columns: Array
     rows: Array
     corner: Array
 
 
 @inner
-def set_values_at_point(mesh: Mesh, x: Coordinates, first: int, e: int, g: int, f: Array) -> None:
-    """Set f (10,) to r, r_xi, v, v_xi, a at point g of element e; first : slot of the segment's first node."""
-    q, v, a = x
-    f[:] = 0.0
+def set_motion_at_point(line: Line, at: Coordinates, k: int, e: int, g: int, y: Array) -> None:
+    """Set y (16,) to r, v, a, r_xi, v_xi, and s, ds, dds at both ends, at point g of element e of segment k."""
+    mesh = line.mesh
+    first = 2 * k * (mesh.ends.shape[1] - 1)
+    y[:10] = 0.0
     for i in range(mesh.dofs.shape[1]):
         slot = first + 2 * mesh.dofs[e, i]
+        phi = mesh.phi[g, i]
+        phi_xi = mesh.phi_xi[g, i]
         for axis in range(2):
-            f[axis] += mesh.phi[g, i] * q[slot + axis]
-            f[2 + axis] += mesh.phi_xi[g, i] * q[slot + axis]
-            f[4 + axis] += mesh.phi[g, i] * v[slot + axis]
-            f[6 + axis] += mesh.phi_xi[g, i] * v[slot + axis]
-            f[8 + axis] += mesh.phi[g, i] * a[slot + axis]
+            y[axis] += phi * at.q[slot + axis]
+            y[2 + axis] += phi * at.v[slot + axis]
+            y[4 + axis] += phi * at.a[slot + axis]
+            y[6 + axis] += phi_xi * at.q[slot + axis]
+            y[8 + axis] += phi_xi * at.v[slot + axis]
+    for end in range(2):
+        slot = first_slot_of_s(line) + k + end
+        y[10 + end] = at.q[slot]
+        y[12 + end] = at.v[slot]
+        y[14 + end] = at.a[slot]
+
+
+@inner
+def set_densities(rope: Rope, law: Array, xi: float, y: Array, out: Array) -> None:
+    """Set out (7,) to `Segments.row_densities` and the tension, of `set_motion_at_point`; law : (3,)."""
+    h = y[11] - y[10]
+    dh = y[13] - y[12]
+    c = y[12] * (1.0 - xi) + y[13] * xi
+    dc = y[14] * (1.0 - xi) + y[15] * xi
+    flow = c / h
+    slowing = (flow * dh - dc) / h
+    size = np.sqrt(y[6] * y[6] + y[7] * y[7])
+    lam = size / h
+    EA, N_0, W_0 = law
+    N = N_0 + EA * (lam - 1.0)
+    W = W_0 + (N_0 + 0.5 * EA * (lam - 1.0)) * (lam - 1.0)
+    momentum = 0.0 * h
+    kinetic = 0.0 * h
+    for x in range(2):
+        r_xi = y[6 + x]
+        w = y[2 + x] - flow * r_xi
+        dw = y[4 + x] - flow * y[8 + x] + slowing * r_xi
+        out[x] = rope.rho * (h * dw + dh * w)
+        out[2 + x] = rope.rho * c * w + N * r_xi / size
+        momentum += dw * r_xi + w * y[8 + x]
+        kinetic += 0.5 * w * w + flow * w * r_xi
+    out[1] -= rope.q * h
+    material = W - N * lam - rope.q * y[1] - rope.rho * kinetic
+    out[4] = -material - (1.0 - xi) * rope.rho * momentum
+    out[5] = material - xi * rope.rho * momentum
+    out[6] = N
 
 
 @inner
@@ -103,55 +142,25 @@ def add_rows_and_set_loads(line: Line, x: Coordinates, rows: Array, loads_and_mi
 
 @inner
 def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -> float:
-    """Add the rows of the segments to rows (size,); return the smallest mean tension of an element.
-
-    EA multiplies the error of a strain: at a point a coarse element of a taut rope may be compressed.
-    """
-    mesh, rope, law, _ = line
-    q, v, a = at
-    count = law.shape[1]
-    elements, n_loc = mesh.dofs.shape
-    nn = mesh.ends.shape[1]
+    """Add the rows of the segments to rows (size,); return the smallest tension."""
+    mesh = line.mesh
     S = first_slot_of_s(line)
-    f = np.empty(10)
-    by_a = np.empty(2)
-    by_b = np.empty(2)
+    y = np.empty(16)
+    out = np.empty(7)
     lowest = np.inf
-    for k in range(count):
-        h = q[S + k + 1] - q[S + k]
-        dh = v[S + k + 1] - v[S + k]
-        for e in range(elements):
-            tension = 0.0
+    for k in range(line.law.shape[1]):
+        for e in range(mesh.dofs.shape[0]):
             for g in range(mesh.weights.size):
-                set_values_at_point(mesh, at, 2 * k * (nn - 1), e, g, f)
-                xi = mesh.xi[e, g]
+                set_motion_at_point(line, at, k, e, g, y)
+                set_densities(line.rope, line.law[:, k, e * mesh.weights.size + g], mesh.xi[e, g], y, out)
+                lowest = min(lowest, out[6])
                 weight = mesh.weights[g]
-                c = v[S + k] * (1.0 - xi) + v[S + k + 1] * xi
-                dc = a[S + k] * (1.0 - xi) + a[S + k + 1] * xi
-                EA, N_0, W_0 = law[:, k, e * mesh.weights.size + g]
-                size = np.sqrt(f[2] ** 2 + f[3] ** 2)
-                lam = size / h
-                N = N_0 + EA * (lam - 1.0)
-                tension += weight * elements * N
-                W = W_0 + (N_0 + 0.5 * EA * (lam - 1.0)) * (lam - 1.0)
-                momentum = 0.0
-                kinetic = 0.0
-                for x in range(2):
-                    w = f[4 + x] - c / h * f[2 + x]
-                    dw = f[8 + x] - c / h * f[6 + x] + (c * dh / h - dc) / h * f[2 + x]
-                    by_a[x] = rope.rho * (h * dw + dh * w)
-                    by_b[x] = rope.rho * c * w + N * f[2 + x] / size
-                    momentum += dw * f[2 + x] + w * f[6 + x]
-                    kinetic += 0.5 * w * w + c / h * w * f[2 + x]
-                by_a[1] -= rope.q * h
-                for i in range(n_loc):
-                    slot = 2 * (k * (nn - 1) + mesh.dofs[e, i])
+                for i in range(mesh.dofs.shape[1]):
+                    slot = 2 * (k * (mesh.ends.shape[1] - 1) + mesh.dofs[e, i])
                     for x in range(2):
-                        rows[slot + x] += weight * (mesh.phi[g, i] * by_a[x] + mesh.phi_xi[g, i] * by_b[x])
-                material = W - N * lam - rope.q * f[1] - rope.rho * kinetic
-                rows[S + k] -= weight * (material + (1.0 - xi) * rope.rho * momentum)
-                rows[S + k + 1] += weight * (material - xi * rope.rho * momentum)
-            lowest = min(lowest, tension)
+                        rows[slot + x] += weight * (mesh.phi[g, i] * out[x] + mesh.phi_xi[g, i] * out[2 + x])
+                for end in range(2):
+                    rows[S + k + end] += weight * out[4 + end]
     return lowest
 
 
@@ -211,107 +220,71 @@ def add_car_rows_and_set_loads(line: Line, i: int, at: Coordinates, rows: Array,
 
 
 @compiled
-def add_tangent(
-    mesh: Mesh, rope: Rope, law: Array, at: Coordinates, factors: tuple[float, float, float], matrix: Band
-) -> None:
-    """Add c0 d/dq + c1 d/dv + c2 d/da of the rows of the segments at one instant, see `Segments.tangent`."""
-    q, v, a = at
-    c0, c1, c2 = factors
-    count = law.shape[1]
-    elements, n_loc = mesh.dofs.shape
-    nn = mesh.ends.shape[1]
-    S = 2 * (count * (nn - 1) + 1)
-    f = np.empty(10)
-    w = np.empty(2)
-    dw = np.empty(2)
-    w_s = np.empty(2)
-    dw_s = np.empty(2)
-    rho = rope.rho
-    ab = matrix.ab
-    columns = matrix.columns
-    rows = matrix.rows
-    diagonal = 2 * ((ab.shape[0] - 1) // 3)
-    for k in range(count):
-        h = q[S + k + 1] - q[S + k]
-        dh = v[S + k + 1] - v[S + k]
-        for e in range(elements):
+def add_rope_tangents(line: Line, at: Coordinates, factors: Array, matrices: Bands) -> None:
+    """Add c0 d/dq + c1 d/dv + c2 d/da of the rows of the segments at one instant, see `Segments.tangent`.
+
+    factors : (m, 3) c0, c1, c2.
+    """
+    mesh = line.mesh
+    y = np.empty(16, np.complex128)
+    out = np.empty(7, np.complex128)
+    J = np.empty((16, 6))
+    by_value = np.empty((2, 6))
+    by_slope = np.empty((2, 6))
+    by_end = np.empty((2, 6))
+    for k in range(line.law.shape[1]):
+        for e in range(mesh.dofs.shape[0]):
             for g in range(mesh.weights.size):
-                set_values_at_point(mesh, at, 2 * k * (nn - 1), e, g, f)
-                xi = mesh.xi[e, g]
-                weight = mesh.weights[g]
-                c = v[S + k] * (1.0 - xi) + v[S + k + 1] * xi
-                dc = a[S + k] * (1.0 - xi) + a[S + k + 1] * xi
-                EA, N_0 = law[:2, k, e * mesh.weights.size + g]
-                size = np.sqrt(f[2] ** 2 + f[3] ** 2)
-                lam = size / h
-                N = N_0 + EA * (lam - 1.0)
-                tx = f[2] / size
-                ty = f[3] / size
-                for x in range(2):
-                    w[x] = f[4 + x] - c / h * f[2 + x]
-                    dw[x] = f[8 + x] - c / h * f[6 + x] + (c * dh / h - dc) / h * f[2 + x]
-                # nodes by nodes
-                vv = weight * rho * (h * c2 + dh * c1)
-                vs = -weight * rho * (dc * c0 + c * c1)
-                sv = weight * rho * c * c1
-                ss = weight * (N / lam - rho * c * c) / h * c0
-                along = weight * (EA - N / lam) / h * c0
-                for j in range(n_loc):
-                    column = 2 * (k * (nn - 1) + mesh.dofs[e, j])
-                    u = mesh.phi[g, j]
-                    d = mesh.phi_xi[g, j]
-                    by_p = vv * u + vs * d
-                    by_s = sv * u + ss * d
-                    outer = along * d
-                    xx = by_s + outer * tx * tx
-                    xy = outer * tx * ty
-                    yy = by_s + outer * ty * ty
-                    for i in range(n_loc):
-                        row = diagonal + 2 * (k * (nn - 1) + mesh.dofs[e, i]) - column
-                        p = mesh.phi[g, i] * by_p
-                        s = mesh.phi_xi[g, i]
-                        ab[row, column] += p + s * xx
-                        ab[row, column + 1] += p + s * yy
-                        ab[row - 1, column + 1] += s * xy
-                        ab[row + 1, column] += s * xy
-                dot_w = (w[0] * f[2] + w[1] * f[3]) / h
-                for end in range(2):
-                    sign = 2.0 * end - 1.0
-                    psi = xi if end else 1.0 - xi
-                    h_s = sign * c0
-                    dh_s = sign * c1
-                    c_s = psi * c1
-                    dc_s = psi * c2
-                    lam_s = -lam * h_s / h
-                    first = c * h_s / h - c_s
-                    second = dc * h_s / h - dc_s + (c_s * dh + c * dh_s) / h - 2.0 * c * dh * h_s / h**2
-                    momentum = 0.0
-                    kinetic = 0.0
-                    for x in range(2):
-                        t = tx if x == 0 else ty
-                        w_s[x] = first * f[2 + x] / h
-                        dw_s[x] = second * f[2 + x] / h + first / h * f[6 + x]
-                        by_a = rho * (h_s * dw[x] + h * dw_s[x] + dh_s * w[x] + dh * w_s[x])
-                        by_a -= rope.q * h_s * x
-                        by_b = rho * (c_s * w[x] + c * w_s[x]) + EA * lam_s * t
-                        # the row of s by this coordinate
-                        carried = psi * (c2 * f[2 + x] + c1 * f[6 + x])
-                        of_a = -rho * (carried + sign * c1 * (w[x] + c / h * f[2 + x])) - sign * rope.q * c0 * x
-                        by_r_xi = (c * dh / h - dc) / h * c0 - c1 * c / h
-                        moved = by_r_xi * f[2 + x] + c0 * dw[x] - c0 * c / h * f[6 + x] + c1 * w[x]
-                        of_b = -rho * (psi * moved - sign * c0 * (c / h) ** 2 * f[2 + x])
-                        of_b -= c0 * sign * lam * EA / h * t
-                        for i in range(n_loc):
-                            slot = 2 * (k * (nn - 1) + mesh.dofs[e, i]) + x
-                            p = weight * mesh.phi[g, i]
-                            s = weight * mesh.phi_xi[g, i]
-                            columns[slot, k + end] += p * by_a + s * by_b
-                            rows[k + end, slot] += p * of_a + s * of_b
-                        momentum += dw_s[x] * f[2 + x] + w_s[x] * f[6 + x]
-                        kinetic += w[x] * w_s[x] + c * w_s[x] * f[2 + x] / h
-                    kinetic += (c_s - c * h_s / h) * dot_w
-                    material = -lam * EA * lam_s - rho * kinetic
-                    for other in range(2):
-                        e2 = 2.0 * other - 1.0
-                        psi2 = xi if other else 1.0 - xi
-                        matrix.corner[k + other, k + end] += weight * (e2 * material - rho * psi2 * momentum)
+                set_motion_at_point(line, at, k, e, g, y)
+                for i in range(16):
+                    y[i] += 1e-30j
+                    set_densities(line.rope, line.law[:, k, e * mesh.weights.size + g], mesh.xi[e, g], y, out)
+                    y[i] = y[i].real
+                    for row in range(6):
+                        J[i, row] = mesh.weights[g] * (out[row].imag / 1e-30)
+                for m in range(len(factors)):
+                    set_combinations(factors[m], J, by_value, by_slope, by_end)
+                    add_point(line, matrices, (m, k, e, g), by_value, by_slope, by_end)
+
+
+@inner
+def set_combinations(factors: Array, J: Array, by_value: Array, by_slope: Array, by_end: Array) -> None:
+    """Set derivatives (2, 6) by values and slopes of x and y, and by both ends, of those by the motion J (16, 6)."""
+    for b in range(2):
+        for row in range(6):
+            by_value[b, row] = 0.0
+            by_end[b, row] = 0.0
+            for order in range(3):
+                by_value[b, row] += factors[order] * J[2 * order + b, row]
+                by_end[b, row] += factors[order] * J[10 + 2 * order + b, row]
+            by_slope[b, row] = factors[0] * J[6 + b, row] + factors[1] * J[8 + b, row]
+
+
+@inner
+def add_point(
+    line: Line, matrices: Bands, at: tuple[int, int, int, int], by_value: Array, by_slope: Array, by_end: Array
+) -> None:
+    """Add to matrix m what point g of element e of segment k gives; at : m, k, e, g."""
+    m, k, e, g = at
+    mesh = line.mesh
+    nodes = mesh.dofs[e]
+    first = 2 * k * (mesh.ends.shape[1] - 1)
+    diagonal = 2 * (matrices.ab.shape[2] // 3)
+    for j in range(nodes.size):
+        u = mesh.phi[g, j]
+        d = mesh.phi_xi[g, j]
+        for b in range(2):
+            column = first + 2 * nodes[j] + b
+            for end in range(2):
+                matrices.rows[m, k + end, column] += u * by_value[b, 4 + end] + d * by_slope[b, 4 + end]
+                matrices.columns[m, column, k + end] += u * by_end[end, b] + d * by_end[end, 2 + b]
+            for x in range(2):
+                of_value = u * by_value[b, x] + d * by_slope[b, x]
+                of_slope = u * by_value[b, 2 + x] + d * by_slope[b, 2 + x]
+                for i in range(nodes.size):
+                    row = first + 2 * nodes[i] + x
+                    entry = mesh.phi[g, i] * of_value + mesh.phi_xi[g, i] * of_slope
+                    matrices.ab[m, column, diagonal + row - column] += entry
+    for end in range(2):
+        for other in range(2):
+            matrices.corner[m, k + other, k + end] += by_end[end, 4 + other]

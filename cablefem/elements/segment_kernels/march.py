@@ -14,11 +14,7 @@ from cablefem.elements.segment_kernels.contacts import Contacts, Slots, set_depe
 from cablefem.newmark import Array, Newton, Tableau
 
 Complex = NDArray[np.complex128]
-
-
-class Unknowns(NamedTuple):
-    slots: Slots  # (n_dof,)
-    moving: NDArray[np.bool_]  # (size,) whether a slot is one of those, and of no car that sticks
+Mask = NDArray[np.bool_]
 
 
 class Factors(NamedTuple):
@@ -63,16 +59,27 @@ class Workspace(NamedTuple):
     border: Complex  # (K,)
 
 
+class March(NamedTuple):
+    line: Contacts
+    slots: Slots  # of unknowns (n_dof,)
+    moving: Mask  # (size,) whether a slot is one of those, and of no car that sticks
+    factors: Factors
+    steps: Steps
+    rule: Tableau
+    newton: Newton
+    space: Workspace
+
+
 @compiled
 def take_steps_with_factors(
-    line: Contacts, unknowns: Unknowns, factors: Factors, steps: Steps, rule: Tableau, newton: Newton
+    line: Contacts, slots: Slots, moving: Mask, factors: Factors, steps: Steps, rule: Tableau, newton: Newton
 ) -> int:
     """Take as many steps as there are results while the factors serve; return how many have converged.
 
     The step after these has its guess; one that has not converged keeps the corrections that helped.
     """
     nodes, n = steps.a.shape[1:]
-    size = unknowns.moving.size
+    size = moving.size
     modes, borders = factors.inverse.shape[:2]
     space = Workspace(
         np.empty((3, size)),
@@ -83,11 +90,11 @@ def take_steps_with_factors(
         np.empty((modes, size), np.complex128),
         np.empty(borders, np.complex128),
     )
+    march = March(line, slots, moving, factors, steps, rule, newton, space)
     for k in range(steps.results.shape[0]):
-        if not correct_until_converged(line, unknowns, factors, steps, k, rule, newton, space):
+        if not correct_until_converged(march, k):
             return k
-        step = Step(steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k], rule)
-        set_end_state(step, steps.ends[k + 1])
+        set_end_state(step_of(march, k), steps.ends[k + 1])
         if k + 1 < steps.a.shape[0]:
             set_weighted_sums(steps.extrapolation[k + 1], steps.a[k], steps.a[k + 1])
         if steps.results[k, 4] == 0.0:
@@ -96,85 +103,88 @@ def take_steps_with_factors(
 
 
 @inner
-def correct_until_converged(
-    line: Contacts, unknowns: Unknowns, factors: Factors, steps: Steps, k: int, rule: Tableau, newton: Newton,
-    space: Workspace,
-) -> bool:  # fmt: skip
+def step_of(march: March, k: int) -> Step:
+    """Step number k."""
+    steps = march.steps
+    return Step(steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k], march.rule)
+
+
+@inner
+def correct_until_converged(march: March, k: int) -> bool:
     """Set the accelerations of step k and its result; see `newmark.newton` for when factors serve no longer."""
-    result = steps.results[k]
-    norm = set_residuals_return_norm(line, unknowns, steps, k, rule, space)
+    newton = march.newton
+    norm = set_residuals_return_norm(march, k)
     iterations = 0
     converged = False
     while iterations < newton.max_iter and not converged:
         before = norm
-        set_corrections(factors, rule, space)
-        subtract_corrections(unknowns, space, 1.0, steps.a[k])
-        norm = set_residuals_return_norm(line, unknowns, steps, k, rule, space)
+        set_corrections(march)
+        subtract_corrections(march, k, 1.0)
+        norm = set_residuals_return_norm(march, k)
         iterations += 1
         converged = norm <= newton.bound and norm <= newton.fast * max(before, newton.bound)
         if converged:
-            set_corrections(factors, rule, space)
-            subtract_corrections(unknowns, space, 1.0, steps.a[k])
+            set_corrections(march)
+            subtract_corrections(march, k, 1.0)
         elif not norm < before:
-            subtract_corrections(unknowns, space, -1.0, steps.a[k])
+            subtract_corrections(march, k, -1.0)
         if not norm <= newton.reuse * before:
             break
+    result = march.steps.results[k]
     result[0] = norm
     result[1] = iterations
-    result[2] = 0.0
     result[3] = iterations + 1
     result[4] = 1.0 if norm <= newton.fast * before else 0.0
     return converged
 
 
 @inner
-def set_residuals_return_norm(
-    line: Contacts, unknowns: Unknowns, steps: Steps, k: int, rule: Tableau, space: Workspace
-) -> float:
+def set_residuals_return_norm(march: March, k: int) -> float:
     """Set the residuals of all nodes of step k, 0 for what is no moving unknown; return their norm."""
-    x = space.x
-    z = space.z
-    step = Step(steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k], rule)
+    x = march.space.x
+    z = march.space.z
+    step = step_of(march, k)
+    nodes = step.a.shape[0]
     square = 0.0
-    for i in range(step.a.shape[0]):
+    for i in range(nodes):
         set_node_state(step, i, x)
-        z[:] = steps.prescribed[:, k, i]
+        z[:] = march.steps.prescribed[:, k, i]
         for j in range(x.shape[1]):
             for row in range(3):
-                z[row, unknowns.slots[j]] = x[row, j]
-        set_dependent_coordinates(line, z)
-        rows = space.r[i]
-        set_rows_and_loads(line, k * step.a.shape[0] + i, z, rows, space.loads)
+                z[row, march.slots[j]] = x[row, j]
+        set_dependent_coordinates(march.line, z)
+        rows = march.space.r[i]
+        set_rows_and_loads(march.line, k * nodes + i, z, rows, march.space.loads)
         for j in range(rows.size):
-            if not unknowns.moving[j]:
+            if not march.moving[j]:
                 rows[j] = 0.0
             square += rows[j] * rows[j]
     return math.sqrt(square)
 
 
 @inner
-def set_corrections(factors: Factors, rule: Tableau, space: Workspace) -> None:
+def set_corrections(march: March) -> None:
     """Set the corrections of all nodes for their residuals."""
-    along = space.along
-    set_weighted_sums(rule.to_modes, space.r, along)
+    along = march.space.along
+    da = march.space.da
+    set_weighted_sums(march.rule.to_modes, march.space.r, along)
+    da[:] = 0.0
     for m in range(along.shape[0]):
-        solve_bordered(factors, m, along[m], space.border)
-    for i in range(space.da.shape[0]):
-        for j in range(space.da.shape[1]):
-            x = 0.0
-            for m in range(along.shape[0]):
-                x += (rule.from_modes[i, m] * along[m, j]).real
-            space.da[i, j] = x
+        solve_bordered(march.factors, m, along[m], march.space.border)
+        for i in range(da.shape[0]):
+            for j in range(da.shape[1]):
+                da[i, j] += (march.rule.from_modes[i, m] * along[m, j]).real
 
 
 @inner
-def subtract_corrections(unknowns: Unknowns, space: Workspace, fraction: float, a: Array) -> None:
-    """Subtract a fraction of the corrections from the accelerations a (s, n_dof) of what moves."""
+def subtract_corrections(march: March, k: int, fraction: float) -> None:
+    """Subtract a fraction of the corrections from the accelerations of what moves in step k."""
+    slots = march.slots
+    a = march.steps.a[k]
     for i in range(a.shape[0]):
-        for j in range(a.shape[1]):
-            slot = unknowns.slots[j]
-            if unknowns.moving[slot]:
-                a[i, j] -= fraction * space.da[i, slot]
+        for j in range(slots.size):
+            if march.moving[slots[j]]:
+                a[i, j] -= fraction * march.space.da[i, slots[j]]
 
 
 @inner
