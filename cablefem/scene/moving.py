@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -259,8 +259,17 @@ def _end_time(car: Car) -> float:
 
 
 def _moving_car(car: CarTable, haul_in_x: bool, thermal_stretch: float) -> Car:
-    """The car of a table; haul_in_x : whether a hauled car has its travel in x."""
+    """The car of a table; haul_in_x : whether a hauled car has its travel in x.
+
+    Positions along the rope are of the cold one; a hot one has stretched by `thermal_stretch`.
+    """
     drive: Drive = GRIP if car.drive is None else car.drive.in_units(1.0, 1.0, 1.0, 1.0)
+    drive = replace(
+        drive,
+        start=thermal_stretch * drive.start,
+        brakes=tuple((thermal_stretch * s, force) for s, force in drive.brakes),
+        rear_brakes=tuple((thermal_stretch * s, force) for s, force in drive.rear_brakes),
+    )
     along: Literal["s", "x"] = "x" if haul_in_x and drive.mode == "haul" else "s"
     travel = None
     if car.travel is not None:

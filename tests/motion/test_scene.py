@@ -213,3 +213,13 @@ def test_a_line_of_one_span_takes_the_keys_of_its_file(tmp_path):
 def test_what_takes_no_line_says_so():
     with pytest.raises(SceneError, match=r"mass.wheels: not modelled: run and check alone take it"):
         Scene.from_toml(SPAN)
+
+
+def test_marks_along_a_rope_move_with_its_heat():
+    heat = "expansion = 1.2e-5\nreference_temperature = 0.0\ntemperature = 50.0\n[[contact]]"
+    ride = 'mode = "free", start = 200.0, end = {time = 9.0}, brake = [{from = 300.0, force = 9e3}]'
+    text = TEXT[: TEXT.index("travel =")].replace("[[contact]]", heat, 1) + f"drive = {{{ride}}}\n"
+    (found,) = line_in_motion(Line.from_toml(text), solve).cars_on_rope
+    stretch = 1.0 + 50.0 * 1.2e-5
+    assert found.drive.start == pytest.approx(200.0 * stretch, rel=1e-12)
+    assert found.drive.brakes == ((pytest.approx(300.0 * stretch, rel=1e-12), 9e3),)

@@ -63,6 +63,9 @@ class LineTables(LineData):
         self.rho = self.mass_per_length / self.heat
         self.q = self.rho * self.gravity
         self.cars: dict[str, dict[str, Any]] = {car["name"]: car for car in self.data.get("car", [])}
+        for car in self.cars.values():
+            for brake in car.get("drive", {}).get("brake", []):
+                brake["from"] *= self.heat
 
     @property
     def counterweights(self) -> list[Counterweight]:

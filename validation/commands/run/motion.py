@@ -470,7 +470,8 @@ class MotionAnswers(LineAnswers):
             return "ends"
         car = self.cars[0]
         if event == f"{car.name} stops":
-            brakes = [brake.position for brake in self.line.car[0].drive.brake]
+            stretch = 1.0 + self.line.cable.thermal_strain
+            brakes = [stretch * brake.position for brake in self.line.car[0].drive.brake]
             return "stopped_by_brake" if car.s[-1] >= min(brakes, default=math.inf) else "stuck"
         left, right = self.line.contact[0], self.line.contact[-1]
         near, far = (left, right) if 2.0 * car.point[0, 0] < left.at[0] + right.at[0] else (right, left)

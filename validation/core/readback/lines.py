@@ -19,7 +19,7 @@ from validation.core.readback.stored import (
     worst_asked_verdict,
 )
 from validation.core.readback.texts import plain_text, rows_of_each_table
-from validation.core.scene_data import Array, read_csv_columns
+from validation.core.scene_data import Array, read_csv_columns, thermal_stretch
 
 COUNTED = "comparisons of two solvers agree", "laws hold", "kinds of printed numbers are as computed"
 TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
@@ -149,7 +149,8 @@ def _expected_end_kind(folder: Path, scene: Row, events: Sequence[Row], end_even
     ((name, drive),) = free.items()
     event = end_events[-1]["event"]
     if event == f"{name} stops":
-        braked = any(paths[name]["s_o"][-1] >= brake["from"] for brake in drive.get("brake", []))
+        stretch = thermal_stretch(scene["cable"])
+        braked = any(paths[name]["s_o"][-1] >= stretch * brake["from"] for brake in drive.get("brake", []))
         return "stopped_by_brake" if braked else "stuck"
     x_of_ends = {scene["contact"][i]["name"]: scene["contact"][i]["at"][0] for i in (0, -1)}
     reached = event.removeprefix(f"{name} reaches ")
