@@ -21,7 +21,7 @@ PACKAGES = "cablefem", "galerkin", "validation"
 # what users run first; other functions are compiled when they are called
 RUNS = """
 import cablefem as cf
-for scene in ("level", "tramway", "zipline"):
+for scene in ("level", "tramway", "zipline", "two-cars"):
     cf.check(scene, tol=3e-2)
 cf.run("level")
 """

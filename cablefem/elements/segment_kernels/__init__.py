@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from cablefem.elements.bordered import BandFactors
     from cablefem.elements.line_balance import LineBalance, RopeAndCars
 
-TROLLEY_DATA = [4, 5, 6, 7, 13]  # numbers of `contacts.Trolleys.data` in `CarLoadsAndMasses`
+TROLLEY_DATA = ("thrust", "brake", "hold", "sign", "rear_brake")  # columns of `contacts.Trolleys.data`
 
 
 class Kernel:
@@ -77,7 +77,8 @@ class Kernel:
             data[..., i] = values
         data = data.reshape(math.prod(shape[:-1]), shape[-1], len(cars))
         points = np.ascontiguousarray(data[:, self.cars, :13])
-        trolleys = np.ascontiguousarray(data[:, self.trolleys][..., TROLLEY_DATA])
+        of_trolleys = [cars._fields.index(name) for name in TROLLEY_DATA]
+        trolleys = np.ascontiguousarray(data[:, self.trolleys][..., of_trolleys])
         on_one = balance.Cars(self.contacts, self.forces, self.swings, points)
         self._known = cars, (on_one, contacts.Trolleys(*self.on_wheels, trolleys))
         return self._known[1]

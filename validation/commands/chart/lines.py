@@ -31,7 +31,6 @@ from validation.core.motion_rows import LineRun, Scales, distances
 from validation.core.sidebyside import Progress, no_progress
 
 LADDER: tuple[Factors, ...] = tuple((space, time) for space, time in SETTINGS["line_ladder"])
-DOUBLED = 6.0  # times as long takes a run of twice the resolution and steps, at most
 
 
 def chart_line(
@@ -87,11 +86,12 @@ class _Reference:
         runs : of elements;  finest : largest multiple of both settings.
         The witness is the sines' run of half these multiples.
         """
+        longer = 6.0  # times, at most, takes a run of twice the resolution and steps
         finer = 2
         begin = perf_counter()
         run = runs.run(finer, finer)
         spent = perf_counter() - begin
-        while finer < finest and DOUBLED * spent < seconds:
+        while finer < finest and longer * spent < seconds:
             finer *= 2
             run = runs.run(finer, finer)
             spent = perf_counter() - begin

@@ -104,24 +104,28 @@ def _stated_limits(scene: Row) -> Iterator[_StatedLimit]:
     """All limits of a scene: its own, and of its texts those for its span, grounds and circumstances."""
     shipped = read_package_toml("cablefem.scene", "limits.toml")
     limits = scene.get("limits", {})
-    when = limits.get("when", [])
     kinds = _kinds_of_obstacles_and_ground(scene) or {"obstacles": None}
     for demand, (words, *_) in shipped["demand"].items():
         if demand in limits:
             for name in kinds if "{}" in words else [""]:
                 yield _StatedLimit(demand, words.format(name), limits[demand], "the scene", "the scene")
     for text in map(shipped["text"].get, limits.get("use", [])):
-        special = [(rule["demand"], rule.get("kind")) for rule in text["limit"] if rule.get("when") in when]
-        for rule in text["limit"]:
+        for rule in _rules_that_apply(text, limits.get("when", []), _longest_span(scene)):
             kind = rule.get("kind")
-            applies = rule["when"] in when if "when" in rule else (rule["demand"], kind) not in special
-            if not applies or _longest_span(scene) <= rule.get("span_above", 0.0):
-                continue
             words = shipped["demand"][rule["demand"]][0]
             names = [name for name, of in kinds.items() if None in (kind, of) or kind == of]
             for name in names if "{}" in words else [""]:
                 source = f"{text['source']}, {rule['clause']}"
                 yield _StatedLimit(rule["demand"], words.format(name), rule["limit"], source, text["source"])
+
+
+def _rules_that_apply(text: Row, when: Sequence[str], span: float) -> Iterator[Row]:
+    """Limits of a text for a longest span [m] and these circumstances, whose own rules replace the general ones."""
+    special = [(rule["demand"], rule.get("kind")) for rule in text["limit"] if rule.get("when") in when]
+    for rule in text["limit"]:
+        general = (rule["demand"], rule.get("kind")) not in special
+        if span > rule.get("span_above", 0.0) and (rule["when"] in when if "when" in rule else general):
+            yield rule
 
 
 def _longest_span(scene: Row) -> float:
