@@ -440,7 +440,7 @@ RIDER = {
     [
         ({"start": 245.0, "end": {"time": 5.0}}, "rolling"),
         ({"start": 40.0, "thrust": -300.0}, "rolls_back"),
-        ({"start": 40.0, "thrust": 900.0}, "arrives"),
+        ({"start": 100.0, "thrust": 500.0}, "arrives"),
         ({"start": 245.0, "rolling_friction": 0.05}, "stuck"),
         ({"start": 40.0, "thrust": 300.0, "brake": [{"from": 80.0, "force": 700.0}]}, "stopped_by_brake"),
     ],
