@@ -7,7 +7,6 @@ import time
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -71,6 +70,8 @@ def fault_sentences(error: Exception) -> list[str]:
 
 def _method_package_of(error: Exception) -> str:
     """The package of a method that is not ours, in whose code an error came up, or ""."""
+    from importlib.metadata import entry_points  # slow to load
+
     from validation.core.methods import ENTRY_POINTS
 
     packages = {point.module.partition(".")[0] for point in entry_points(group=ENTRY_POINTS)}
