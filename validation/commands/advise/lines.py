@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cablefem import catenary_line
 from cablefem.motion import CarMotion
 from cablefem.response import Array, write_json
 from cablefem.scene.bodies import Hanger, Wheels
@@ -20,7 +21,7 @@ from cablefem.scene.drive import Thrust
 from cablefem.scene.line import Line
 from validation.commands.check.motion import reference_scales
 from validation.commands.run.motion import ELEMENTS, LineRuns
-from validation.commands.run.quasi import largest_distances_from_rest
+from validation.commands.run.quasi import largest_distances_from_rest, line_at_timetable_positions
 from validation.core import store
 from validation.core.agreement import FORCES
 from validation.core.motion_rows import LineRun, turning_and_wheel_load_series
@@ -41,10 +42,11 @@ def advise_on_line(line: Line, tol: float, out: Path, report: Progress = no_prog
     report("states of rest", 0.5)
     content["at_rest"], content["no_rest"] = [], ""
     try:
-        distances = largest_distances_from_rest(line, runs.line, run)
+        rest = line_at_timetable_positions(line).solve_at_rest(catenary_line.solve)
     except store.Refused as refused:
         content["no_rest"] = str(refused)
     else:
+        distances = largest_distances_from_rest(rest, runs.line, run)
         content["at_rest"] = [
             allowed.row(name, need, distance) for name, of in distances.items() for need, distance in of.items()
         ]

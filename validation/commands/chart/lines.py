@@ -181,9 +181,9 @@ def _quasi_static_row(line: Line, runs: LineRuns, reference: _Reference) -> Row:
         at_rest = line_at_timetable_positions(line)
     except store.Refused as refused:
         return series.chart_row({}, status="failed", reason=str(refused))
-    at_rest.solve_at_rest(catenary_line.solve)
+    rest = at_rest.solve_at_rest(catenary_line.solve)
     seconds = process_time() - begin
-    distances = largest_distances_from_rest(line, runs.line, reference.run)
+    distances = largest_distances_from_rest(rest, runs.line, reference.run)
     path = max(distances[car.name]["path"] for car in reference.run.motion.cars)
     tension = max(distances[contact.name]["tension"] for contact in reference.run.motion.contacts)
     errors = {"path_error": path / reference.scales.path, "tension_error": tension / reference.scales.tension}

@@ -14,7 +14,7 @@ from cablefem import catenary_line
 from cablefem.motion import CarMotion, ContactMotion
 from cablefem.response import Array
 from cablefem.scene.contacts import MovingLine
-from cablefem.scene.line import Line, LineState
+from cablefem.scene.line import Line, LineRest, LineState
 from cablefem.scene.moving import line_in_motion
 from validation.commands.run.line import RestAnswers, answer_line
 from validation.core import store
@@ -60,13 +60,15 @@ def timetable_instants(moving: MovingLine) -> Array:
     return t[np.append(True, moves)]
 
 
-def largest_distances_from_rest(line: Line, moving: MovingLine, moved: LineRun) -> dict[str, dict[str, float]]:
+def largest_distances_from_rest(rest: LineRest, moving: MovingLine, moved: LineRun) -> dict[str, dict[str, float]]:
     """By contact or car, and by need, the largest distance of a motion from the states of rest at equal times.
 
     Needs: path [m], tension [N] behind or ahead, haul force [N] of a hauled car.  Forces of the motion are means over
-    an axial round trip.  A car on a shoe does not count.  Refused for a car that rolls freely.
+    an axial round trip.  A car on a shoe does not count.
+
+    rest : of `line_at_timetable_positions`.
     """
-    states = line_at_timetable_positions(line).solve_at_rest(catenary_line.solve).states
+    states = rest.states
     t = timetable_instants(moving)[[*states]]
     motion = moved.motion
     distances: dict[str, dict[str, float]] = {}
