@@ -63,8 +63,8 @@ def timetable_instants(moving: MovingLine) -> Array:
 def largest_distances_from_rest(rest: LineRest, moving: MovingLine, moved: LineRun) -> dict[str, dict[str, float]]:
     """By contact or car, and by need, the largest distance of a motion from the states of rest at equal times.
 
-    Needs: path [m], tension [N] behind or ahead, haul force [N] of a hauled car.  Forces of the motion are means over
-    an axial round trip.  A car on a shoe does not count.
+    Needs: tension [N] behind or ahead, path [m] of cars, haul force [N] of hauled ones.  Forces of the motion are means
+    over an axial round trip.  A car on a shoe does not count.
 
     rest : of `line_at_timetable_positions`.
     """
@@ -80,7 +80,9 @@ def largest_distances_from_rest(rest: LineRest, moving: MovingLine, moved: LineR
         in_motion = np.stack([np.interp(t, motion.t, column) for column in columns])  # (5, m)
         at_rest = np.stack([_numbers_of_station(state, body.name) for state in states.values()], axis=1)
         x, y, behind, ahead, haul = np.abs(in_motion - at_rest)[:, t <= moved.end]
-        by_need = {"path": np.hypot(x, y), "tension": np.fmax(behind, ahead), "haul force": haul}
+        by_need = {"tension": np.fmax(behind, ahead), "haul force": haul}
+        if isinstance(body, CarMotion):
+            by_need["path"] = np.hypot(x, y)
         known = {need: off[np.isfinite(off)] for need, off in by_need.items()}
         distances[body.name] = {need: float(off.max()) for need, off in known.items() if off.size}
     return distances
