@@ -123,10 +123,15 @@ def _line_counterpart(
 
 def _refuse_second_of_other_kind(first: Any, second: Any) -> None:
     """Raise TypeError unless the second solver's scene or line, if there is one, is of the kind of the first one's."""
-    kind = type(first)
-    if second is not None and not isinstance(second, kind):
+    if second is None:
+        return
+    from cablefem.scene import Scene
+    from cablefem.scene.line import Line
+
+    kind = Scene if isinstance(first, Scene) else Line
+    if not isinstance(second, kind):
         raise TypeError(f"second must be a {kind.__name__}, as the first; got {second!r}")
-    if second is not None and getattr(second, "moves", None) != getattr(first, "moves", None):
+    if getattr(second, "moves", None) != getattr(first, "moves", None):
         raise TypeError("second must be at rest or in motion as the first")
 
 

@@ -6,6 +6,7 @@ Exit codes: see README.md.
 import atexit
 import gc
 import importlib
+import io
 import os
 import signal
 import sys
@@ -87,8 +88,9 @@ def main(argv: list[str] | None = None) -> int:
     usage_error: Any = typer.BadParameter.__mro__[1]
     try:
         if argv is None:
-            for stream in (sys.stdout, sys.stderr):  # of an encoding that may have no ±
-                stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+            for stream in (sys.stdout, sys.stderr):  # of an encoding that may have no ±; None if closed
+                if isinstance(stream, io.TextIOWrapper):
+                    stream.reconfigure(errors="replace")
             sys.unraisablehook = _interrupt_again_if_lost
             signal.signal(signal.SIGINT, note_and_interrupt)  # in the background of a script it is ignored
         return run_command(list(sys.argv[1:] if argv is None else argv))

@@ -122,8 +122,7 @@ class Described(Part):
         scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 600.0, "obstacle.tree.top": 21.0})
         line.replace({"contact.valley.tension": 4e5})
         """
-        if not isinstance(changes, Mapping) or not all(isinstance(key, str) for key in changes):
-            raise TypeError(f"changes must be a mapping of dotted keys to values, got {changes!r}")
+        refuse_changes_without_keys(changes)
         data = self._toml_tables(changes)
         cable = data["cable"]
         product = cable.get("E", 0.0) * cable.get("section", 0.0)
@@ -140,6 +139,12 @@ class Described(Part):
         if any(isinstance(x, str | Mapping) or not np.iterable(x) for x in lists):
             raise TypeError(f"grid must map each dotted key to a list of values, got {grid!r}")
         return [self.replace(dict(zip(grid, values, strict=True))) for values in itertools.product(*lists)]
+
+
+def refuse_changes_without_keys(changes: object) -> None:
+    """TypeError for changes that are no mapping of dotted keys."""
+    if not isinstance(changes, Mapping) or not all(isinstance(key, str) for key in changes):
+        raise TypeError(f"changes must be a mapping of dotted keys to values, got {changes!r}")
 
 
 def set_dotted_key(data: dict[str, Any], key: str, value: Any) -> None:

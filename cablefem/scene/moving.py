@@ -46,12 +46,15 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
         Contact(name=c.name, kind=c.kind, point=c.at, stiffness=c.stiffness, force=c.tension, shoe=c.shoe)
         for c in line.contact
     ]
-    empty = EmptyLine(state.s * thermal_stretch, np.array([c.point[0] for c in contacts]))
-    cars = [_moving_car(car, len(contacts) > 2, thermal_stretch) for car in line.car]
+    x_of_contacts = np.array([c.point[0] for c in contacts])
+    haul_in_x = len(contacts) > 2
     faults: list[str] = []
-    for table, car in zip(line.car, cars, strict=True):
-        last = empty.right_end_position(car)
-        faults += [*_travel_range_faults(table, car, last), *_brake_faults(car, last)]
+    for table in line.car:
+        as_written = _moving_car(table, haul_in_x, 1.0)  # on the cold rope
+        last = EmptyLine(state.s, x_of_contacts).right_end_position(as_written)
+        faults += [*_travel_range_faults(table, as_written, last), *_brake_faults(as_written, last)]
+    empty = EmptyLine(state.s * thermal_stretch, x_of_contacts)
+    cars = [_moving_car(car, haul_in_x, thermal_stretch) for car in line.car]
     _raise_if_any(line, faults)
     start_x = {car.name: empty.x_of_position(car, _start_position(car)) for car in cars}
     saddles_by_car = {car.name: _saddles_passed(car, contacts, empty) for car in cars}

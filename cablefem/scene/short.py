@@ -11,7 +11,7 @@ from typing import Any, Self
 from pydantic import PrivateAttr
 
 from cablefem.scene.cable import SHAPES
-from cablefem.scene.described import parse_toml, scene_text_and_name, set_dotted_key
+from cablefem.scene.described import parse_toml, refuse_changes_without_keys, scene_text_and_name, set_dotted_key
 from cablefem.scene.errors import SceneError
 from cablefem.scene.line import Line
 from cablefem.scene.scene import Scene
@@ -40,8 +40,7 @@ class LineOfOneSpan(Line):
 
     def replace(self, changes: Mapping[str, Any]) -> Line:  # type: ignore[override]
         """As of a line; keys of the span are taken as of a scene, keys of [[contact]] and [[car]] as of any line."""
-        if not isinstance(changes, Mapping):
-            return super().replace(changes)
+        refuse_changes_without_keys(changes)
         of_line = {key: value for key, value in changes.items() if _first_name(key) in ("contact", "car")}
         of_span = {key: value for key, value in changes.items() if key not in of_line}
         if of_line and not of_span:

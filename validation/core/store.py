@@ -47,7 +47,7 @@ os.register_at_fork(after_in_child=_close_in_fork)
 
 def _lock_folder(folder: Path) -> None:
     """Keep other processes out of the folder until `unlock_folder`, or until this one ends."""
-    if folder.resolve() in _held:
+    if holds_folder(folder):
         return
     descriptor = os.open(folder, os.O_RDONLY)
     try:
@@ -58,6 +58,11 @@ def _lock_folder(folder: Path) -> None:
     except OSError:
         pass  # a file system without locks
     _held[folder.resolve()] = descriptor
+
+
+def holds_folder(folder: Path) -> bool:
+    """Whether this process has locked the folder."""
+    return folder.resolve() in _held
 
 
 def unlock_folder(folder: Path) -> None:
@@ -76,6 +81,8 @@ def claim_and_clear_folder(out: Path | None, command: str, scene: Any, writes: S
     """
     name, text = (scene, "") if isinstance(scene, str) else (scene.name, scene.to_toml())
     folder = ROOT / name if out is None else out
+    held_before = holds_folder(folder)
+    claimed = False
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _lock_folder(folder)
@@ -92,10 +99,14 @@ def claim_and_clear_folder(out: Path | None, command: str, scene: Any, writes: S
             "foreign": sorted(set(_files_below(folder, writes)) - set(before["files"])), "finished": False,
         }  # fmt: skip
         _write_marker(folder, {"results": results, "scene": text})
+        claimed = True
     except FileExistsError:
         raise Refused(f"{folder} is a file; --out must be a folder") from None
     except OSError as error:
         raise Refused(f"cannot write to {folder}: {error.strerror}") from None
+    finally:
+        if not (claimed or held_before) and holds_folder(folder):
+            unlock_folder(folder)
     return folder
 
 

@@ -72,6 +72,7 @@ def sweep(
     sweep("riders.toml", Path("riders"))
     """
     out = Path(out)
+    held_before = store.holds_folder(out)  # by a command that writes on
     store.claim_and_clear_folder(out, "sweep", study.name, WRITES)
     try:
         _store_or_refuse_study(study, out)
@@ -94,7 +95,8 @@ def sweep(
                 stored = f"{tally.done} of {tally.total} scenes are stored in {out}"
                 raise KeyboardInterrupt(f"{stored}; the same command goes on from there") from None
     finally:
-        store.unlock_folder(out)
+        if not held_before:
+            store.unlock_folder(out)
     return tally
 
 
