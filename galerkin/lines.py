@@ -230,10 +230,12 @@ class LineSines(System):
     # --- friction: a car is named by its contact k, of two wheels the rear one ----------------------------------------
     def begin_step(self, x: State) -> None:
         """Keep the direction of friction, and the brakes that act, for one step."""
-        for k, body in self.cars.items():
-            if not body.car.drive.has_friction_or_brakes or body.car.rail is not None:  # a shoe has no friction
-                continue
-            s, ds, _ = self.coordinates_with_rates(x)[:, self.layout.s[self.travel_contact[k]]].tolist()
+        # a shoe has no friction
+        rubbing = [k for k, b in self.cars.items() if b.car.drive.has_friction_or_brakes and b.car.rail is None]
+        Z = self.coordinates_with_rates(x) if rubbing else np.empty(0)
+        for k in rubbing:
+            body = self.cars[k]
+            s, ds, _ = Z[:, self.layout.s[self.travel_contact[k]]].tolist()
             sign = self.frictions[k, SIGN]
             if k not in self.free_cars:
                 sign = self.line.travel_direction(body.car, x.phase)

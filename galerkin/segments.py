@@ -42,13 +42,6 @@ def function_tables(terms: int) -> kernels.Tables:
         of_q=np.concatenate([slopes, bends, end_slopes]), tests=np.concatenate([B, slopes]).T.copy(),
     )  # fmt: skip
 
-    def _means_over_shortest_waves(self, terms: int) -> Array:
-        """Weights of means over equal pieces of a segment, about as long as the shortest wave of its sines."""
-        pieces = max(1, terms // 2)
-        within = np.arange(pieces)[:, None] == np.floor(pieces * self.points)
-        weights = within * self.weights
-        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
-
 
 def means_over_shortest_waves(tables: kernels.Tables, terms: int) -> Array:
     """Weights (P, G) of means over equal pieces of a segment, about as long as the shortest wave of its sines."""

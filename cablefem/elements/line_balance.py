@@ -175,7 +175,8 @@ class LineBalance(LineCoordinates):
             rows[self.s[k]] -= forces.drive[self.point_cars]
             rows[self.swing] += forces.swing[self.of_swing]
             self.loads[0, :-1] = forces.normal[self.point_cars]
-        self.loads[0, -1] = fields.N.min()
+        shares = (fields.N * self.segments.weights).reshape(len(fields.N), self.segments.elements, -1)
+        self.loads[0, -1] = self.segments.elements * shares.sum(axis=2).min()  # means over elements
 
     def _add_support_rows(self, rows: Array, x: Coordinates) -> None:
         rows[..., self.springs] += self.stiffness * (x.q[..., self.springs] - self.unloaded)

@@ -221,10 +221,10 @@ class LineElements(LineBalance):
         if not self.many_steps:
             yield from super().collocate_steps(phase, steps, rule, newton)
             return
-        q, v = steps.ends[0]
-        self.begin_step(State(steps.t.item(0), q, v, steps.a[0, -1], phase))
         k = 0
         while k < len(steps.a):
+            q, v = steps.ends[k]
+            self.begin_step(State(steps.t.item(k), q, v, steps.a[max(k - 1, 0), -1], phase))
             taken, results = self._take_steps_with_factors(phase, steps.section(k, len(steps.a)), rule, newton)
             yield from results[:taken]
             k += taken
@@ -259,12 +259,23 @@ class LineElements(LineBalance):
         )
         if taken < count or not results[-1, 4]:
             self.factors = None
+        with_these_brakes = self._count_ends_with_present_brakes(steps.ends[1 : taken + 1, 0])
+        if with_these_brakes < taken:
+            taken = with_these_brakes
+            steps.a[taken] = steps.extrapolation[taken] @ steps.a[taken - 1]
         q, v = steps.ends[1 : taken + 1].swapaxes(0, 1)
         t = steps.t[1 : taken + 1]
         a = steps.a[:taken, -1]
         values = self._event_values_at(t, q, v, a, phase)
         self._known_values = dict(zip(t.tolist(), zip(a, map(tuple, values.tolist()), strict=True), strict=True))
         return taken, [StepResult(*row) for row in results.tolist()]
+
+    def _count_ends_with_present_brakes(self, q: Array) -> int:
+        """How many of the ends of steps (n, n_dof) come up to the first one from which other brakes act."""
+        others = np.zeros(len(q), bool)
+        for i in self._stops:
+            others |= self.line.cars_on_rope[i].drive.brake_force(q[:, self._travel_unknown(i)]) != self.brakes[i]
+        return int(np.argmax(others)) + 1 if others.any() else len(q)
 
     # --- events --------------------------------------------------------------------------------------------
     def event_values(self, x: State) -> tuple[float, ...]:

@@ -51,7 +51,7 @@ class Line(NamedTuple):
 
 
 class LineValues(NamedTuple):
-    """What acts in a line at n instants; NaN where contacts are not in their order along the rope."""
+    """What acts in a line at n instants; r, N and contact_values are NaN if contacts pass each other along the rope."""
 
     Z: Any  # coordinates with their rates (3, n, coordinates)
     r: Any  # residual (n, size)
@@ -219,10 +219,6 @@ def evaluate_line(line: Line, Z: Any, frictions: Any) -> LineValues:
     """
     out = allocate_values(line, Z)
     S = out.N.shape[1]
-    for i in range(Z.shape[1]):
-        for k in range(S):
-            if not Z[0, i, line.at.s[k + 1]] > Z[0, i, line.at.s[k]]:
-                return out
     rope = rope_at_points(line, Z)
     set_rope(line, Z, rope, out)
     set_contact_values(line, Z, rope.end_slopes, out)
@@ -245,7 +241,10 @@ def evaluate_line(line: Line, Z: Any, frictions: Any) -> LineValues:
 
 @compiled
 def evaluate_unknowns(line: Line, prescribed: Any, q: Any, v: Any, a: Any, frictions: Any) -> LineValues:
-    """`evaluate_line` with the unknowns q, v, a (n, size); prescribed (3, n, coordinates): all others."""
+    """`evaluate_line` with the unknowns q, v, a (n, size); prescribed (3, n, coordinates): all others.
+
+    NaN if contacts pass each other along the rope; a search for rest may pass through such coordinates.
+    """
     Z = prescribed.copy()
     for i in range(q.shape[0]):
         for j in range(line.free.size):
@@ -254,4 +253,8 @@ def evaluate_unknowns(line: Line, prescribed: Any, q: Any, v: Any, a: Any, frict
             Z[1, i, at] = v[i, j]
             Z[2, i, at] = a[i, j]
     set_dependent_coordinates(line.at, Z)
+    for i in range(q.shape[0]):
+        for k in range(line.at.s.size - 1):
+            if not Z[0, i, line.at.s[k + 1]] > Z[0, i, line.at.s[k]]:
+                return allocate_values(line, Z)
     return evaluate_line(line, Z, frictions)

@@ -454,6 +454,22 @@ def test_the_outcome_of_a_rider_on_a_line_is_of_the_kind_it_has_on_one_span(driv
     assert list(line_outcome_faults(tmp_path)) == []
 
 
+def test_a_brake_lets_go_of_a_rider_who_rolls_back_before_it():
+    """In steps taken together, too; a brake that went on would stop him by more than a metre earlier."""
+    drive = {"mode": "free", "start": 20.0, "brake": [{"from": 135.0, "force": 2.0}], "end": {"time": 40.0}}
+    line = Line(**RIDER, car=[{"name": "rider", "mass": 90.0, "drive": drive}])
+
+    def step_by_step(moving, n):
+        system = ELEMENTS.system(moving, n)
+        system.many_steps = False
+        return system
+
+    many = LineRuns(ELEMENTS, line).run(1, 1).motion.cars[0].s
+    single = LineRuns(dataclasses.replace(ELEMENTS, system=step_by_step), line).run(1, 1).motion.cars[0].s
+    assert many[-1] < 100.0 < 135.0 < many.max()
+    assert many[-1] == pytest.approx(single[-1], abs=0.1)
+
+
 def test_a_haul_force_is_within_its_bar_however_long_the_rest():
     haul = []
     for rest in (16.0, 160.0):

@@ -86,7 +86,7 @@ class Kernel:
     def add_rows_and_set_loads(
         self, x: Sequence[Array], law: Array, cars: CarLoadsAndMasses, rows: Array, loads_and_min_tension: Array
     ) -> None:
-        """Add rows to (n, size), and set (n, cars + 1) to the loads [N] on the rope and the smallest tension.
+        """Add rows to (n, size), and set (n, cars + 1): loads [N] on the rope, smallest mean tension of an element.
 
         x : q, v, a of all coordinates (n, size); law : (3, K, G).
         """

@@ -142,7 +142,10 @@ def add_rows_and_set_loads(line: Line, x: Coordinates, rows: Array, loads_and_mi
 
 @inner
 def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -> float:
-    """Add the rows of the segments to rows (size,); return the smallest tension."""
+    """Add the rows of the segments to rows (size,); return the smallest mean tension of an element.
+
+    EA multiplies the error of a strain: at a point a coarse element of a taut rope may be compressed.
+    """
     mesh = line.mesh
     S = first_slot_of_s(line)
     y = np.empty(16)
@@ -150,17 +153,19 @@ def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -
     lowest = np.inf
     for k in range(line.law.shape[1]):
         for e in range(mesh.dofs.shape[0]):
+            tension = 0.0
             for g in range(mesh.weights.size):
                 set_motion_at_point(line, at, k, e, g, y)
                 set_densities(line.rope, line.law[:, k, e * mesh.weights.size + g], mesh.xi[e, g], y, out)
-                lowest = min(lowest, out[6])
                 weight = mesh.weights[g]
+                tension += weight * mesh.dofs.shape[0] * out[6]
                 for i in range(mesh.dofs.shape[1]):
                     slot = 2 * (k * (mesh.ends.shape[1] - 1) + mesh.dofs[e, i])
                     for x in range(2):
                         rows[slot + x] += weight * (mesh.phi[g, i] * out[x] + mesh.phi_xi[g, i] * out[2 + x])
                 for end in range(2):
                     rows[S + k + end] += weight * out[4 + end]
+            lowest = min(lowest, tension)
     return lowest
 
 
