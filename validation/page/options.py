@@ -138,6 +138,8 @@ def grid_points_from_options(
     from validation.core import grid
 
     options = list(set_options or [])
+    if any(option.partition("=")[0].strip() == "case" for option in options):
+        raise store.Refused("--set case: no key of the scene or setting of a method; load cases are given by --case")
     if cases:
         options.insert(0, f"case={','.join(cases)}")
     try:

@@ -31,6 +31,8 @@ RUN_OPTIONS = ("method", "model", "load", "law", "tol")  # of the run, not of th
 
 def _require_known_method(method: str) -> str:
     """The name of a method that there is."""
+    if method in METHODS:
+        return method
     names = [*METHODS, *methods_of_other_packages()]
     if method not in names:
         raise ValueError(f"unknown.{did_you_mean(method, names)}")
