@@ -1,6 +1,6 @@
 """Bodies at the contacts of a rope; `kernels.bodies` has their balances, by the values in `ContactState`.
 
-    C = M (p.. - g j) - F_ext,  [N t] = C + rho ds^2 [r'],  C . tau = f |<r'>|/<|r'|>,  tau = <r'>/|<r'>|
+    C = M (p.. - g j) - F_ext,  [N t] = C + rho ds^2 [r'],  C . tau = f |<t>|,  tau = <t>/|<t>|,  t = r'/|r'|
 
 [ ] is ahead less behind and < > their mean; C is the force that the rope gives to the car; f acts between both.
 A cabin m that hangs h below, its angle phi positive forward, has its centre at p + h e2, e2 = (sin phi, cos phi),
@@ -70,10 +70,16 @@ class ContactState:
         return [ContactState(self.values[..., j : j + 1, :]) for j in range(self.values.shape[-2])]
 
     @cached_property
+    def mean_tangent(self) -> Array:
+        """<t> (..., 2)."""
+        behind = self.slope_behind / length(self.slope_behind)[..., None]
+        ahead = self.slope_ahead / length(self.slope_ahead)[..., None]
+        return 0.5 * (behind + ahead)
+
+    @cached_property
     def tau(self) -> Array:
         """The unit mean tangent (..., 2)."""
-        mean = self.slope_behind + self.slope_ahead
-        return mean / length(mean)[..., None]
+        return self.mean_tangent / self.cos_phi[..., None]
 
     @property
     def mean_stretch(self) -> Array:
@@ -82,9 +88,8 @@ class ContactState:
 
     @cached_property
     def cos_phi(self) -> Array:
-        """|<r'>|/<|r'|>."""
-        mean = 0.5 * length(self.slope_behind + self.slope_ahead)
-        return mean / self.mean_stretch
+        """|<t>|."""
+        return length(self.mean_tangent)
 
 
 class Friction(NamedTuple):

@@ -1,6 +1,6 @@
 """A car on two wheels; wheel i puts P_i on the rope, by the balance of the pieces beside it (`kernels.bodies`).
 
-    sum P_i + m (c.. - g j) = f,  sum n_i . P_i + J th.. = M,  P_i . tau_i + f_i |<r'>|/<|r'|> = 0
+    sum P_i + m (c.. - g j) = f,  sum n_i . P_i + J th.. = M,  P_i . tau_i + f_i |<t>_i| = 0
 
 e1 = (cos th, sin th), e2 = (-sin th, cos th), p_i = c + a_i e1 - d e2, n_i = dp_i/dth; f, M: force, moment about c.
 """

@@ -2,7 +2,7 @@
 
 C = M (p.. - g j) - F_ext is the force that the rope must give to the car's point; the row of s takes Q = <lam> f.
 
-    tau = <r'>/|<r'>|        F_ext = (F + thrust) tau - k |p. - wind| (p. - wind)
+    tau = <t>/|<t>|, t = r'/|r'|        F_ext = (F + thrust) tau - k |p. - wind| (p. - wind)
     f = hold - (mu_r |n . C| + brake) sign        n across tau
 
 A cabin of mass m swings by phi at the arm h below p: its centre is p_c = p + h (sin phi, cos phi). Its drag acts there.
@@ -128,12 +128,14 @@ def car_forces(numbers: Any, inputs: Any) -> ForcesOnCars:
     """Forces on cars, by the first 13 of `CarLoadsAndMasses` and by their inputs (INPUTS, ...)."""
     mass, k, wind, mu_r, thrust, brake, hold, sign, lever, arm, inertia, resistance, gravity = numbers
     bx, by, ax, ay, vx, vy, x_a, y_a, force, angle, rate, turning = inputs
-    mean_x = 0.5 * (bx + ax)
-    mean_y = 0.5 * (by + ay)
-    size = np.sqrt(mean_x * mean_x + mean_y * mean_y)
-    tau_x = mean_x / size
-    tau_y = mean_y / size
-    stretch = 0.5 * (np.sqrt(bx * bx + by * by) + np.sqrt(ax * ax + ay * ay))
+    behind = np.sqrt(bx * bx + by * by)
+    ahead = np.sqrt(ax * ax + ay * ay)
+    tangents_x = bx / behind + ax / ahead
+    tangents_y = by / behind + ay / ahead
+    size = np.sqrt(tangents_x * tangents_x + tangents_y * tangents_y)
+    tau_x = tangents_x / size
+    tau_y = tangents_y / size
+    stretch = 0.5 * (behind + ahead)
     cos = np.cos(angle)
     sin = np.sin(angle)
     cabin_x = vx + arm * rate * cos  # what the air meets

@@ -127,7 +127,8 @@ class LineElements(LineBalance):
         """Let free cars go; they must move against friction."""
         slots = self.s[self.car_contacts]
         y = self.slopes_and_motion_at_cars(x)
-        stretch = forces_on_cars(held, y).stretch
+        forces = forces_on_cars(held, y)
+        stretch = forces.stretch
         rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, held))
         self.hold = rows[slots] / stretch
         for i in self.free_cars:
@@ -140,10 +141,10 @@ class LineElements(LineBalance):
         frictionless = now._replace(hold=none, brake=none, friction=none)
         rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, frictionless))
         needed = rows[slots] / stretch
-        twice_mean_slope = y[:, 0:2] + y[:, 2:4]
-        projection = vector_length(twice_mean_slope) / (2.0 * stretch)  # |<r'>|/<lam>
+        behind = y[:, 0:2]
+        cos_phi = np.sum(behind * forces.tau, axis=1) / vector_length(behind)
         thrust_angles = [car.drive.thrust_angle for car in self.line.cars_on_rope]
-        needed -= now.thrust * np.cos(thrust_angles) / projection
+        needed -= now.thrust * np.cos(thrust_angles) / cos_phi
         for i in self.free_cars:
             self.signs[i] = -np.sign(needed[i]) or 1.0
             car = self.line.cars_on_rope[i]

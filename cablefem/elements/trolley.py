@@ -6,7 +6,7 @@ e1 = (cos th, sin th), e2 = (-sin th, cos th).
     rear wheel X - b e1        centre of mass c = X - (b/2 - e) e1 + d e2        n = d/dth of these
     row of X:  P_1 + P_2 + C,  C = m (c.. - g j) - f        P_i: row of the rope at wheel i
     row of th: n_1 . P_1 + n_c . C + J th.. - Mo
-    row of s_i: - <lam>_i f_i,  f_i = hold - (mu_r |load_i| + brake_i) sign,  load_i across <r'>_i
+    row of s_i: - <lam>_i f_i,  f_i = hold - (mu_r |load_i| + brake_i) sign,  load_i across tau_i
 
 f holds thrust, haul force and drag, Mo their moments about c; the hold acts at the front wheel.
 """
@@ -71,12 +71,12 @@ class TrolleyForces(NamedTuple):
 def wheel_forces(slopes: Any, rope_row: Any, mu_r: float, brake: Any, sign: Any) -> WheelForces:
     """At a wheel with r' behind and ahead (4, ...) and the row P of the rope (2, ...); sign of the motion."""
     bx, by, ax, ay = slopes
-    tx = bx + ax
-    ty = by + ay
-    across = tx * rope_row[1] - ty * rope_row[0]
-    load = across / np.sqrt(tx * tx + ty * ty)
     behind = np.sqrt(bx * bx + by * by)
     ahead = np.sqrt(ax * ax + ay * ay)
+    tx = bx / behind + ax / ahead
+    ty = by / behind + ay / ahead
+    across = tx * rope_row[1] - ty * rope_row[0]
+    load = across / np.sqrt(tx * tx + ty * ty)
     stretch = 0.5 * (behind + ahead)
     holding = mu_r * load * np.sign(load.real) + brake
     friction = -stretch * holding * sign

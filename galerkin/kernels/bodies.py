@@ -43,14 +43,15 @@ def length(x: complex, y: complex) -> complex:
 
 @inner
 def rope_at_wheel(rho: float, x: Any) -> Wheel:
-    mx = x[4] + x[6]
-    my = x[5] + x[7]
-    size = length(mx, my)
+    behind = length(x[4], x[5])
+    ahead = length(x[6], x[7])
+    tx = x[4] / behind + x[6] / ahead
+    ty = x[5] / behind + x[7] / ahead
+    size = length(tx, ty)
     flow = rho * (x[23] * x[23])
     Px = x[0] - x[2] + flow * (x[6] - x[4])
     Py = x[1] - x[3] + flow * (x[7] - x[5])
-    stretches = length(x[4], x[5]) + length(x[6], x[7])
-    return Wheel(Px, Py, mx / size, my / size, size / stretches)
+    return Wheel(Px, Py, tx / size, ty / size, 0.5 * size)
 
 
 @inner

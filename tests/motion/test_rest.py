@@ -70,3 +70,18 @@ def test_a_rope_that_sags_by_a_quarter_of_its_span_is_not_slack_on_the_coarsest_
     a = brentq(lambda a: 2.0 * a * np.sinh(0.5 * span / a) - length, 20.0, 1e4)  # y = a cosh(x/a)
     weight_per_length = 5.0 * 9.81
     assert x.contacts[0].tension_ahead[0] == pytest.approx(weight_per_length * np.hypot(a, 0.5 * length), rel=0.02)
+
+
+@pytest.mark.parametrize("wing", WINGS)
+def test_a_grip_on_a_stretched_rope_holds_the_difference_of_its_tensions(wing):
+    steep = line(
+        {"mass_per_length": 0.35, "EA": 4e5, "length": 159.8},
+        anchor("low", 0.0, 0.0), car("chair", 140.0, 90.0), anchor("high", 120.0, -110.0),
+    )  # fmt: skip
+    system = WINGS[wing][0](steep)
+    chair = system.observe([system.start(0, None)], np.array([0.0])).cars[0]
+    behind, ahead = chair.tension_behind[0], chair.tension_ahead[0]
+    assert chair.grip_force[0] == pytest.approx(ahead - behind, rel=1e-6)
+    tangents = [slope[0] / np.linalg.norm(slope[0]) for slope in (chair.slope_behind, chair.slope_ahead)]
+    half_kink = 0.5 * np.arccos(tangents[0] @ tangents[1])
+    assert chair.contact_force[0] == pytest.approx((behind + ahead) * np.sin(half_kink), rel=1e-6)
