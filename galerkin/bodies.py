@@ -178,10 +178,9 @@ class CarBody(Body):
         self.k = car.drive.k  # of drag [kg/m]
         self.driven = "haul" if car.drive.mode == "haul" else "thrust"
 
-    def copy_held_without_drag(self) -> Any:
-        """The car at rest: a free one is held, and no wind blows."""
+    def copy_held(self) -> Any:
+        """The car at rest in the wind: a free one is held."""
         other = copy.copy(self)
-        other.k = 0.0
         if self.car.drive_kind == "free":
             other.unknown = self.unknown[:-1]
         return other

@@ -50,7 +50,7 @@ class LineSines(System):
         self.layout = Layout(line, terms)
         self.phases = line.phases
         bodies = [body_at_contact(line, contact) for contact in line.contacts_and_wheels]
-        held = [body.copy_held_without_drag() if isinstance(body, CarBody) else body for body in bodies]
+        held = [body.copy_held() if isinstance(body, CarBody) else body for body in bodies]
         self.cars = {k: body for k, body in enumerate(bodies) if isinstance(body, CarBody)}
         # contact of each car that its travel is of: the front wheel
         self.travel_contact = {k: k + body.contacts - 1 for k, body in self.cars.items()}
@@ -255,7 +255,7 @@ class LineSines(System):
 
     def _set_release_friction_or_raise(self, k: int, Z: Array, values: LineValues) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
-        body = self.cars[k].copy_held_without_drag()
+        body = self.cars[k].copy_held()
         state = self.held_equations.contact_state(values.contact_values[-1], k)
         cos_phi = float(state.wheels[-1].cos_phi)
         drive = body.car.drive

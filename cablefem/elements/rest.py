@@ -54,11 +54,11 @@ def resting_coordinates_with_forces(system: LineBalance, q: Array) -> Coordinate
 
 
 def car_loads_at_rest(system: LineBalance, t: float, phase: int) -> CarLoadsAndMasses:
-    """Cars at rest; hauled ones are about to move."""
+    """Cars at rest in the wind; hauled ones are about to move."""
     cars = system.car_loads_and_masses(t, phase)
     hauled = np.array([car.travel is not None for car in system.line.cars_on_rope])
     none = np.zeros(hauled.size)
-    at_rest = cars._replace(drag=none, thrust=none, brake=none, rear_brake=none, hold=none)
+    at_rest = cars._replace(thrust=none, brake=none, rear_brake=none, hold=none)
     return at_rest._replace(friction=cars.friction * hauled)
 
 

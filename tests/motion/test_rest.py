@@ -1,12 +1,15 @@
 """Lines at rest with held cars against elastic catenaries (shared text on lines, section 4)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from cablefem.elements.system import LineElements
+from cablefem.scene.bodies import Hanger
 from galerkin.lines import LineSines
-from tests.motion.lines import ALONG_S, IN_X, SPRUNG, THREE, WEIGHED, anchor, car, line
+from tests.motion.lines import ALONG_S, IN_X, LEFT, SPRUNG, THREE, WEIGHED, anchor, car, line
 
 # s of the free contacts, points and haul forces of the cars: elastic catenaries to all digits
 EXACT = {
@@ -85,3 +88,18 @@ def test_a_grip_on_a_stretched_rope_holds_the_difference_of_its_tensions(wing):
     tangents = [slope[0] / np.linalg.norm(slope[0]) for slope in (chair.slope_behind, chair.slope_ahead)]
     half_kink = 0.5 * np.arccos(tangents[0] @ tangents[1])
     assert chair.contact_force[0] == pytest.approx((behind + ahead) * np.sin(half_kink), rel=1e-6)
+
+
+@pytest.mark.parametrize("wing", WINGS)
+@pytest.mark.parametrize("mode", ["haul", "free"])
+def test_a_cabin_in_wind_begins_at_the_angle_of_its_drag_over_its_weight(wing, mode):
+    cabin = Hanger(mass=2500.0, length=5.5, gyration=1.3)
+    place = {"travel": 300.0} if mode == "haul" else {"travel": None, "start": 300.0}
+    held = replace(car("cabin", 3100.0, mode=mode, k=6.0, wind=20.0, **place), hanger=cabin)
+    windy = line({"mass_per_length": 13.3, "EA": 2.52e8, "length": 778.168}, LEFT, held, anchor("top", 700.0, -341.0))
+    system = WINGS[wing][0](windy)
+    x = system.observe([system.start(0, None)], np.array([0.0])).cars[0]
+    assert x.turning.angle[0] == pytest.approx(np.arctan(6.0 * 20.0**2 / (2500.0 * 9.81)), rel=1e-8)
+    if mode == "haul":  # a free one is held by the rope
+        np.testing.assert_allclose(x.point[0], (279.1715661521, -111.7131642027), atol=1e-5)  # elastic catenary
+        assert x.turning.acceleration[0] == pytest.approx(0.0, abs=1e-6)
