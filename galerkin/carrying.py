@@ -74,6 +74,7 @@ def _carry_friction(old: LineSines, new: LineSines) -> None:
         j = earlier[body.car.name]
         new.frictions[k] = old.frictions[j]
         new.holds[k] = old.holds[j]
+        new.held_since[k] = old.held_since[j]
 
 
 def _cabin_angle_indices(system: LineSines) -> dict[str, int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
-from cablefem.scene.contacts import Contact, MovingLine, lift_off_event_name, meeting_event_name
+from cablefem.scene.contacts import AT_REST, Contact, MovingLine, lift_off_event_name, meeting_event_name
 from cablefem.shoes import car_may_pass_saddle, possible_passages
 from galerkin.bodies import Body, CarBody, Saddle
 
@@ -49,5 +49,5 @@ class WatchedEvents:
         wheels = [lift_off_event_name(contact) for contact in touching if not isinstance(contact, Contact)]
         saddles = [f"rope lifts off {touching[k].name}" for k in self.saddles]
         starts = [f"{cars[k]} breaks loose" for k in self.stops]
-        by_force = [*wheels, "rope falls slack", *saddles, *starts]
+        by_force = [*wheels, "rope falls slack", *saddles, *starts, AT_REST]
         return *meetings, *stops, *brakes, *by_force, *map(str, self.passages)

@@ -63,6 +63,7 @@ class LineSines(System):
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA
         self.frictions = np.zeros((len(bodies), len(Friction._fields)))
         self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
+        self.held_since = dict.fromkeys(self.free_cars, 0.0)  # [s] when friction stopped them last
         self.watched = WatchedEvents(line, bodies, self.cars)
         self.events = self.watched.names
         self.off_rope = self._cars_off_rope()
@@ -300,6 +301,7 @@ class LineSines(System):
 
     def _stick_or_slip_from_rest(self, k: int, x: State) -> State:
         """The state after a standstill: friction holds the car, or it slips."""
+        self.held_since[k] = x.t
         held = self._set_slip_return_state(k, x, 0.0)
         margin = self._friction_margin(k, held.t, self._values_at(held))
         return held if margin > 0.0 else self._start_slipping(k, held)
@@ -349,7 +351,7 @@ class LineSines(System):
             yield passage.distance_to_go(position, speed)
 
     def _force_event_values(self, x: State) -> Iterator[float]:
-        """Loads of wheels, tension of the rope, pressures on saddles, margins of friction [N]."""
+        """Loads of wheels, tension of the rope, pressures on saddles, margins of friction [N]; time until rest [s]."""
         values = self._values_at(x)
         for k, body in self.cars.items():  # a car does not leave a shoe
             loads = values.forces_on_cars[-1, k, 6 : 6 + body.contacts].real.tolist()
@@ -357,6 +359,8 @@ class LineSines(System):
         yield from self._min_tension_and_saddle_pressures(values)
         for k in self.watched.stops:
             yield self._friction_margin(k, x.t, values)
+        all_held = bool(self.free_cars) and all(self._sticks(k) for k in self.free_cars)
+        yield self.line.time_at_rest(max(self.held_since.values()), x.phase) - x.t if all_held else math.inf
 
     def _min_tension_and_saddle_pressures(self, values: LineValues) -> list[float]:
         """The smallest mean of tensions over a shortest wave, and the force of the rope down on each saddle [N].
@@ -369,24 +373,17 @@ class LineSines(System):
         return [float(means.min()), *pressures]
 
     def apply_event(self, name: str, x: State) -> State | None:
-        """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
+        """The state after a car stops, breaks loose or reaches a brake; None: other events end the run."""
         for k in self.watched.stops:
             car = self.cars[k].car.name
             if name == f"{car} stops":
-                after = self._stick_or_slip_from_rest(k, x)
-                return after if self._run_goes_on(x) else None
+                return self._stick_or_slip_from_rest(k, x)
             if name == f"{car} breaks loose":
                 return self._start_slipping(k, x)
             if name == f"{car} brakes":
                 self.begin_step(x)
                 return self.with_acceleration(x)
         return None
-
-    def _run_goes_on(self, x: State) -> bool:
-        """Whether a free car rolls, or one has a timetable or forces that go on to change."""
-        sticking = [k for k in self.watched.stops if self._sticks(k)]
-        rolling = len(sticking) < len(self.free_cars)
-        return rolling or self.line.travel_or_force_changes_after(x.t, x.phase)
 
     def system_after(self, event: str, x: State) -> tuple[LineSines, State] | None:
         """The line after a car passes an end of a shoe, and its state; None if another event has ended the run."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -23,7 +24,16 @@ from cablefem.newmark import (
     consistent_acceleration,
 )
 from cablefem.newmark.collocation import SAME_STEP
-from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel, lift_off_event_name, meeting_event_name
+from cablefem.scene.contacts import (
+    AT_REST,
+    NEAREST,
+    Car,
+    Contact,
+    MovingLine,
+    Wheel,
+    lift_off_event_name,
+    meeting_event_name,
+)
 from cablefem.shoes import Passage, car_may_pass_saddle, possible_passages
 
 STEPS_AT_ONCE = 16  # those beyond an event are lost
@@ -35,9 +45,8 @@ class LineElements(LineBalance):
 
     compiled : loops of `segment_kernels` in the place of numpy.
     Events end the run: "A meets B" and "CAR reaches SUPPORT" at NEAREST; "CAR lifts off" where the rope would have to
-    hold it down; "rope falls slack" and "rope lifts off SADDLE"; "CAR stops" where friction holds a free one and no
-    other moves.  Else it sticks to the rope, until "CAR breaks loose".
-    The run goes on after "CAR brakes", and where nothing holds a car.
+    hold it down; "rope falls slack" and "rope lifts off SADDLE"; AT_REST.
+    The run goes on after "CAR brakes" and "CAR stops", where friction may hold it until "CAR breaks loose".
     """
 
     reuses_factors = True
@@ -76,6 +85,7 @@ class LineElements(LineBalance):
         names += ["rope falls slack"]
         names += [f"rope lifts off {c.name}" for c in self.line.supports[1:-1]]
         names += [f"{cars[i]} breaks loose" for i in self._stops]
+        names += [AT_REST]
         return names + [str(p) for p in self.passages]
 
     def _may_meet(self, first: Contact | Car | Wheel, second: Contact | Car | Wheel) -> bool:
@@ -164,6 +174,12 @@ class LineElements(LineBalance):
             self.signs[i] = np.sign(z.v[slot]) or self.signs[i]
             self._set_brakes(i, z.q[slot])
 
+    def _time_at_rest(self, phase: int) -> float:
+        """When all free cars, which friction holds, are at rest; inf where it does not hold them, or there are none."""
+        if not self.free_cars or not all(self._sticks(i) for i in self.free_cars):
+            return math.inf
+        return self.line.time_at_rest(float(self.held_since[self.free_cars].max()), phase)
+
     def _sticks(self, i: int) -> bool:
         """Whether friction holds car i."""
         return bool(self.signs[i] == 0.0)
@@ -187,6 +203,7 @@ class LineElements(LineBalance):
     def _stop_or_slip_on(self, i: int, x: State) -> State:
         """Car i sticks, or slips if friction and brakes cannot hold it."""
         self.signs[i] = 0.0
+        self.held_since[i] = x.t
         after = self._state_with_slip(i, x, 0.0)
         margin = self.event_values(after)[self.events.index(f"{self.line.cars_on_rope[i].name} breaks loose")]
         return after if margin > 0.0 else self._start_slipping(i, after)
@@ -308,6 +325,7 @@ class LineElements(LineBalance):
             *np.moveaxis(pressing, -1, 0),
             *np.moveaxis(self._min_tension_and_saddle_pressures(rows, loads), -1, 0),
             *(np.where(holds, x, np.inf) for holds, x in zip(sticks, margins, strict=True)),
+            self._time_at_rest(phase) - np.asarray(t),
             *(self._distance_to_passage(passage, t, z, phase) for passage in self.passages),
         ]
         values = np.stack(others, axis=-1)
@@ -354,12 +372,11 @@ class LineElements(LineBalance):
         return np.concatenate([loads[..., -1:], -rows[..., depth]], axis=-1)
 
     def apply_event(self, name: str, x: State) -> State | None:
-        """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
+        """The state after a car stops, breaks loose or reaches a brake; None: other events end the run."""
         for i in self._stops:
             car = self.line.cars_on_rope[i].name
             if name == f"{car} stops":
-                after = self._stop_or_slip_on(i, x)
-                return after if self._run_goes_on(x) else None
+                return self._stop_or_slip_on(i, x)
             if name == f"{car} breaks loose":
                 return self._start_slipping(i, x)
             if name == f"{car} brakes":
@@ -375,11 +392,6 @@ class LineElements(LineBalance):
 
                 return system_after_passage(self, passage, x)
         return None
-
-    def _run_goes_on(self, x: State) -> bool:
-        """Whether a free car rolls, or a force or a travel is still to change."""
-        rolling = not all(self._sticks(i) for i in self.free_cars)
-        return rolling or self.line.travel_or_force_changes_after(x.t, x.phase)
 
     def observe(self, states: Sequence[State], s: Array) -> LineMotion:
         """What the states show, with the rope at the stations s (m,)."""

@@ -132,6 +132,9 @@ def meeting_event_name(left: Contact | Car | Wheel, right: Contact | Car | Wheel
     return f"{a} {'reaches' if isinstance(right, Contact) else 'meets'} {b}"
 
 
+AT_REST = "at rest"  # event: friction holds all free cars, and nothing is still to change
+
+
 def lift_off_event_name(touching: Car | Wheel) -> str:
     """Event of a car, or of one of its wheels, that the rope would have to hold down."""
     if isinstance(touching, Wheel):
@@ -202,10 +205,23 @@ class MovingLine:
         x = position if car.along == "x" else car.rail.x_with_rates(position - saddle_s_with_rates)
         return np.stack([x, car.rail.y_with_rates(x)], axis=1)
 
-    def travel_or_force_changes_after(self, t: float, phase: int) -> bool:
-        """Whether a travel or a force is still to change."""
+    @property
+    def axial_round_trip(self) -> float:
+        """Time [s] in which an axial wave runs along the rope and back, between the supports at least."""
+        points = np.array([contact.point for contact in self.supports])
+        length = self.rope.length or float(np.hypot(*np.diff(points, axis=0).T).sum())
+        return 2.0 * length * math.sqrt(self.rope.mass_per_length / self.rope.EA)
+
+    def time_at_rest(self, held_since: float, phase: int) -> float:
+        """When cars that friction holds since then are at rest: after an axial round trip without a change of forces.
+
+        Before, the rope has not answered, and the force on a car that stops is not yet the one at rest.  inf while a
+        travel or a force is still to change.
+        """
+        if phase < len(self.phases) - 1:
+            return math.inf
         ends = [car.travel_end.t for car in self.all_cars if car.travel_end is not None]
-        return phase < len(self.phases) - 1 or t < max(ends, default=0.0)
+        return max(held_since, self.phases[-1][0], *ends) + self.axial_round_trip
 
     @property
     def swinging_cars_off_rope(self) -> list[Car]:

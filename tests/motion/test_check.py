@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import cablefem as cf
+from cablefem.scene import Scene
 from cablefem.scene.line import Line
 from tests.commands.calls import fault_lines
 from tests.motion.lines import BODIES
@@ -443,6 +444,7 @@ RIDER = {
         ({"start": 100.0, "thrust": 500.0}, "arrives"),
         ({"start": 245.0, "rolling_friction": 0.05}, "stuck"),
         ({"start": 40.0, "thrust": 300.0, "brake": [{"from": 80.0, "force": 700.0}]}, "stopped_by_brake"),
+        ({"start": 20.0, "brake": [{"from": 130.0, "force": 15.0}], "end": {"time": 40.0}}, "rolling"),
     ],
 )
 def test_the_outcome_of_a_rider_on_a_line_is_of_the_kind_it_has_on_one_span(drive, kind, tmp_path):
@@ -452,6 +454,21 @@ def test_the_outcome_of_a_rider_on_a_line_is_of_the_kind_it_has_on_one_span(driv
     assert answers.outcome.kind == kind
     answers.write(tmp_path, 1.0)
     assert list(line_outcome_faults(tmp_path)) == []
+
+
+def test_a_rider_swings_and_comes_to_rest_as_on_one_span():
+    """Friction takes it where it turns, and cannot hold it there once the rope has answered."""
+    drive = {"start": 245.0, "rolling_friction": 0.02, "drag_area": 0.5, "end": {"time": 200.0}}
+    line = Line(**RIDER, car=[{"name": "rider", "mass": 90.0, "drive": drive | {"mode": "free"}}])
+    unstretched, stretched = 253.0, 253.152
+    span = Scene(
+        cable={"mass_per_length": 0.9, "EA": 8e6, "length": stretched}, supports={"span": 250.0, "drop": -20.0},
+        mass={"mass": 90.0}, drive=drive | {"mode": "free", "start": 245.0 * stretched / unstretched},
+    )  # fmt: skip
+    on_line = LineRuns(ELEMENTS, line).run(2, 1)
+    on_span = cf.run(span, "following-p2", elements=16, steps=800)
+    assert on_line.end == pytest.approx(on_span.t[-1], rel=2e-3)
+    assert on_line.motion.cars[0].point[-1, 0] == pytest.approx(on_span.x[-1], abs=0.3)
 
 
 def test_a_brake_lets_go_of_a_rider_who_rolls_back_before_it():
@@ -484,7 +501,7 @@ def test_a_ride_is_the_same_however_long_its_end_time_waits():
         line = Line(**RIDER, car=[{"name": "rider", "mass": 90.0, "drive": drive}])
         return answer_line(line)
 
-    short = ride(60.0)
+    short = ride(100.0)
     long = ride(3000.0)
     assert short.status == long.status == "complete"
     assert long.t[-1] == pytest.approx(short.t[-1], rel=1e-3)

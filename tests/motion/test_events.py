@@ -8,6 +8,7 @@ import cablefem as cf
 from cablefem.catenary_line import solve
 from cablefem.elements.system import LineElements
 from cablefem.newmark import StepFailure, Work, integrate, integrate_blocks, scheme, step_times_by_phase
+from cablefem.scene.contacts import AT_REST
 from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
@@ -41,7 +42,7 @@ def test_a_free_rider_keeps_the_account_of_energy():
 
 def test_friction_stops_a_rider_or_holds_it():
     names, t = event_names_and_end_time(rider_line(mu_r=0.15), 300)
-    assert names == ["rider stops"]
+    assert names == ["rider stops", AT_REST]
     assert 5.0 < t < 29.0
     with pytest.raises(StepFailure, match="friction or brakes hold rider where it begins"):
         LineElements(rider_line(mu_r=0.9)).start(0, None)

@@ -17,7 +17,7 @@ from cablefem.elements.system import LineElements
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, join_motions_in_time
 from cablefem.newmark import Scheme, State, StepFailure, Work, integrate_blocks, scheme
 from cablefem.response import Array, write_csv, write_json, write_text
-from cablefem.scene.contacts import Car, MovingLine
+from cablefem.scene.contacts import AT_REST, Car, MovingLine
 from cablefem.scene.line import Line, LineState
 from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
@@ -157,11 +157,11 @@ def faster_than_waves_sentences(line: Line, motion: LineMotion) -> list[str]:
 
 
 def events_without_rattling(events: Events, line: MovingLine, motion: LineMotion) -> tuple[tuple[str, float], ...]:
-    """Events, name and time, without those of cars that stay within `rest_distance` of where they came to rest.
+    """Events, name and time, without the end at rest and those of cars that stay within `rest_distance` of their stop.
 
     Waves in an undamped rope rattle a car that friction holds by 1e-5 m, at times that do not converge.
     """
-    rattling = set[int]()
+    rattling = {i for i, (name, _) in enumerate(events) if name == AT_REST}
     for car in line.cars_on_rope:
         rattling |= _rattling_events(events, car, motion)
     return tuple(event for i, event in enumerate(events) if i not in rattling)
@@ -173,10 +173,11 @@ def _rattling_events(events: Events, car: Car, motion: LineMotion) -> set[int]:
     rattling = set[int]()
     rest = float(s[0])
     rested = False
-    for event in _stops_and_starts(events, car.name, motion.t, s):
+    own = list(_stops_and_starts(events, car.name, motion.t, s))
+    for event in own:
         moves = abs(event.s_at_rest - rest) > car.drive.rest_distance
-        ends = not rested and event.event_index == len(events) - 1
-        lasts = moves or ends if event.stops else moves and rested
+        stays = not rested and event is own[-1]
+        lasts = moves or stays if event.stops else moves and rested
         if not lasts:
             rattling.add(event.event_index)
         elif event.stops:
@@ -452,27 +453,31 @@ class MotionAnswers(LineAnswers):
             kind = self._kind_of_ride_that_ends_by(name)
             if run.end >= run.instants[-1] * almost:
                 return Outcome(kind, sentence)
-            several = len(self.cars) > 1
-            stand = name.endswith(" stops") and several  # a run goes on while a car moves
-            whose = "for all cars " if several else ""
-            how = "all cars stand" if stand else f"this ends the run {whose}early"
-            return Outcome(kind, f"{sentence}; {how}")
+            whose = "for all cars " if len(self.cars) > 1 else ""
+            return Outcome(kind, f"{sentence}; this ends the run {whose}early")
         if run.reason is not None:
             return None
+        return Outcome(self._kind_of_ride_without_end_event(), f"{before}ends after {run.end:.1f} s with {positions}")
+
+    def _kind_of_ride_without_end_event(self) -> str:
+        """The kind of outcome where time ends the run, or rest does."""
         free = [car for car in self.line.car if car.mode == "free"]
-        rolling = len(free) > len(list(self._earlier_stop_sentences()))
-        kind = "rolling" if rolling else "ends" if free else "arrives"
-        return Outcome(kind, f"{before}ends after {run.end:.1f} s with {positions}")
+        if not free:
+            return "arrives"
+        if len(free) > len(list(self._earlier_stop_sentences())):
+            return "rolling"
+        drive = free[0].drive
+        if len(self.cars) > 1 or drive is None:
+            return "ends"
+        stretch = 1.0 + self.line.cable.thermal_strain
+        brakes = [stretch * brake.position for brake in drive.brake]
+        return "stopped_by_brake" if self.cars[0].s[-1] >= min(brakes, default=math.inf) else "stuck"
 
     def _kind_of_ride_that_ends_by(self, event: str) -> str:
         """The kind of outcome of an event at the end: of one free car as on one span, else "ends"."""
         if len(self.cars) > 1 or self.line.car[0].drive is None:
             return "ends"
         car = self.cars[0]
-        if event == f"{car.name} stops":
-            stretch = 1.0 + self.line.cable.thermal_strain
-            brakes = [stretch * brake.position for brake in self.line.car[0].drive.brake]
-            return "stopped_by_brake" if car.s[-1] >= min(brakes, default=math.inf) else "stuck"
         left, right = self.line.contact[0], self.line.contact[-1]
         near, far = (left, right) if 2.0 * car.point[0, 0] < left.at[0] + right.at[0] else (right, left)
         return {f"{car.name} reaches {far.name}": "arrives", f"{car.name} reaches {near.name}": "rolls_back"}.get(

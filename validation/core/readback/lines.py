@@ -138,23 +138,28 @@ def _expected_end_kind(folder: Path, scene: Row, events: Sequence[Row], end_even
     """The kind of outcome by the last event, or by who still rolls without one."""
     free = {car["name"]: car["drive"] for car in scene["car"] if car.get("drive", {}).get("mode") == "free"}
     paths = {name: read_csv_columns(folder / f"path-{name}.csv") for name in free}
+    of_one_ride = len(scene["car"]) == 1 and free
     if end_events:
-        of_one_ride = len(scene["car"]) == 1 and free
         return _kind_of_last_event(scene, paths, end_events[-1]["event"]) if of_one_ride else "ends"
-    stops = {name: [x["t"] for x in events if x["event"] == f"{name} stops"] for name in free}
-    stand = [_lasting_stop_time(paths[name], stops[name], drive) is not None for name, drive in free.items()]
     if not free:
         return "arrives"
-    return "ends" if all(stand) else "rolling"
+    stops = {name: [x["t"] for x in events if x["event"] == f"{name} stops"] for name in free}
+    if any(_lasting_stop_time(paths[name], stops[name], drive) is None for name, drive in free.items()):
+        return "rolling"
+    return _kind_of_stop(scene, paths) if of_one_ride else "ends"
+
+
+def _kind_of_stop(scene: Row, paths: dict[str, Row]) -> str:
+    """The kind of outcome of the one car, which has stopped; paths : columns of its file, by its name."""
+    (path,) = paths.values()
+    stretch = thermal_stretch(scene["cable"])
+    brakes = [stretch * brake["from"] for brake in scene["car"][0]["drive"].get("brake", [])]
+    return "stopped_by_brake" if path["s_o"][-1] >= min(brakes, default=np.inf) else "stuck"
 
 
 def _kind_of_last_event(scene: Row, paths: dict[str, Row], event: str) -> str:
     """The kind of outcome of the one car, which rolls freely; paths : columns of its file, by its name."""
     ((name, path),) = paths.items()
-    if event == f"{name} stops":
-        stretch = thermal_stretch(scene["cable"])
-        brakes = [stretch * brake["from"] for brake in scene["car"][0]["drive"].get("brake", [])]
-        return "stopped_by_brake" if path["s_o"][-1] >= min(brakes, default=np.inf) else "stuck"
     distances = {scene["contact"][i]["name"]: abs(scene["contact"][i]["at"][0] - path["x"][0]) for i in (0, -1)}
     reached = event.removeprefix(f"{name} reaches ")
     if reached not in distances:
