@@ -9,6 +9,8 @@ import numpy as np
 
 from cablefem.newmark import StepFailure
 from cablefem.scene.contacts import Array, Contact, MovingLine
+from cablefem.scene.line import Case, NoLineAtRest, Station
+from cablefem.scene.taut import first_guess
 from galerkin.bodies import Friction
 from galerkin.trolley import rotate
 
@@ -38,20 +40,22 @@ def coordinates_at_rest(system: LineSines, time_shift: float = 0.0, guess: Array
     search = RestSearch(system, Z)
     if guess is not None:
         return search.solve(guess)
-    tension = _tension_scale(system.line)
+    begin = guess_sagging_chords(system, search.Z)
+    tension = _guess_tension(system, begin)
     for factor in (1.0, 4.0, 0.25):
         try:
-            return _rest_by_stiffening_rope(search, factor * tension)
+            rest = _rest_by_stiffening_rope(search, begin, factor * tension)
         except StepFailure:
             continue
+        if search.is_taut(rest):
+            return rest
     raise StepFailure(0.0, "no rest of the line was found", "start the cars elsewhere")
 
 
-def _rest_by_stiffening_rope(search: RestSearch, tension: float) -> Array:
+def _rest_by_stiffening_rope(search: RestSearch, guess: Array, tension: float) -> Array:
     """Rest of a rope that at first resists little to changes of this tension [N]."""
-    layout = search.system.layout
-    rest = guess_sagging_chords(search.system, search.Z)
-    soft = min(1.0, 5.0 * tension / layout.line.rope.EA)
+    rest = guess
+    soft = min(1.0, 5.0 * tension / search.system.line.rope.EA)
     for fraction in np.geomspace(soft, 1.0, SOFTENED + 1).tolist():
         search.soften_rope(tension, fraction)
         rest = search.solve(rest)
@@ -64,14 +68,18 @@ def chord_lengths(line: MovingLine) -> Array:
     return np.asarray(np.hypot(*np.diff(points, axis=0).T))
 
 
-def _tension_scale(line: MovingLine) -> float:
-    """Order of the tension [N]."""
-    weights = [c.force for c in line.supports if c.force is not None]
-    if weights:
-        return weights[0]
-    chords = float(chord_lengths(line).sum())
-    weight = line.weight_per_length * chords + sum(line.gravity * car.mass for car in line.cars_on_rope)
-    return weight / (8.0 * _guess_sag_ratio(line, chords))
+def _guess_tension(system: LineSines, guess: Array) -> float:
+    """Mean tension [N] of a taut string with the cars at the points of a guess; StepFailure if none carries them."""
+    line = system.line
+    stations = [Station(c.name, c.kind, *c.point, force=c.force or 0.0, stiffness=c.stiffness) for c in line.supports]
+    for k, body in system.cars.items():
+        x = float(guess[0, system.layout.x[system.travel_contact[k]]])
+        stations.append(body.car.station_at(x, line.gravity))
+    stations.sort(key=lambda station: station.x)
+    string = first_guess(Case(tuple(stations), line.weight_per_length, line.rope.EA, length=line.rope.length))
+    if isinstance(string, NoLineAtRest):
+        raise StepFailure(0.0, str(string), "give more rope or less load")
+    return float(string.H.mean())
 
 
 class RestSearch:
@@ -109,6 +117,11 @@ class RestSearch:
             return math.inf
         r = self.equations.evaluate(Z[:, None], self.frictions).r
         return float(np.linalg.norm(r))
+
+    def is_taut(self, rest: Array) -> bool:
+        """Whether no tension is negative: a rope that stands on its saddles, compressed, balances its loads, too."""
+        values = self.equations.evaluate(rest[:, None], self.frictions)
+        return self.system.min_tension_and_saddle_pressures(values)[0] > 0.0
 
     def solve(self, guess: Array) -> Array:
         """Coordinates at rest, with shorter steps where the residual grows; StepFailure without convergence."""

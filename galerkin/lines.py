@@ -196,7 +196,7 @@ class LineSines(System):
 
     def _require_taut_rope_on_saddles(self, values: LineValues) -> None:
         """StepFailure where the rope at rest is slack or lifts off a saddle."""
-        tension, *pressures = self._min_tension_and_saddle_pressures(values)
+        tension, *pressures = self.min_tension_and_saddle_pressures(values)
         pressure = min(pressures, default=0.0)
         if min(tension, pressure) < 0.0:
             at_rest = f"at rest the smallest tension is {tension:.6g} N"
@@ -356,13 +356,13 @@ class LineSines(System):
         for k, body in self.cars.items():  # a car does not leave a shoe
             loads = values.forces_on_cars[-1, k, 6 : 6 + body.contacts].real.tolist()
             yield from loads if body.car.rail is None else [math.inf]
-        yield from self._min_tension_and_saddle_pressures(values)
+        yield from self.min_tension_and_saddle_pressures(values)
         for k in self.watched.stops:
             yield self._friction_margin(k, x.t, values)
         all_held = bool(self.free_cars) and all(self._sticks(k) for k in self.free_cars)
         yield self.line.time_at_rest(max(self.held_since.values()), x.phase) - x.t if all_held else math.inf
 
-    def _min_tension_and_saddle_pressures(self, values: LineValues) -> list[float]:
+    def min_tension_and_saddle_pressures(self, values: LineValues) -> list[float]:
         """The smallest mean of tensions over a shortest wave, and the force of the rope down on each saddle [N].
 
         EA multiplies the error of a strain: at a point a coarse sum of sines may be compressed where the rope is taut.

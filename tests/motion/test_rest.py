@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from cablefem.elements.system import LineElements
 from cablefem.scene.bodies import Hanger
 from galerkin.lines import LineSines
-from tests.motion.lines import ALONG_S, IN_X, LEFT, SPRUNG, THREE, WEIGHED, anchor, car, line
+from tests.motion.lines import ALONG_S, IN_X, LEFT, SPRUNG, THREE, WEIGHED, anchor, car, line, saddle
 
 # s of the free contacts, points and haul forces of the cars: elastic catenaries to all digits
 EXACT = {
@@ -103,3 +103,17 @@ def test_a_cabin_in_wind_begins_at_the_angle_of_its_drag_over_its_weight(wing, m
     if mode == "haul":  # a free one is held by the rope
         np.testing.assert_allclose(x.point[0], (279.1715661521, -111.7131642027), atol=1e-5)  # elastic catenary
         assert x.turning.acceleration[0] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("wing", WINGS)
+@pytest.mark.parametrize("size", [2, 3, 4])
+def test_a_car_hangs_on_three_spans_and_does_not_stand_on_a_compressed_rope(wing, size):
+    spans = line(
+        {"mass_per_length": 7.5, "EA": 1.3e8, "length": 905.0},
+        LEFT, saddle("first", 220.0, -80.0), car("car", 2500.0, 300.0, "haul", "x"), saddle("second", 640.0, -210.0),
+        anchor("right", 860.0, -250.0),
+    )  # fmt: skip
+    system = LineElements(spans, elements=size) if wing == "elements" else LineSines(spans, 3 * size)
+    x = system.observe([system.start(0, None)], np.array([0.0]))
+    assert x.cars[0].tension_ahead[0] == pytest.approx(88600.6012, rel=1e-4)  # elastic catenaries
+    assert x.contacts[-1].tension_behind[0] == pytest.approx(101508.3519, rel=1e-4)
