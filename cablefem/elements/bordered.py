@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import get_lapack_funcs
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
@@ -60,9 +58,9 @@ class BandMatrix:
     """A band matrix of n unknowns with border rows and columns; numbers count through."""
 
     def __init__(self, ab: Any, columns: Any, rows: Any, corner: Any) -> None:
-        """ab : (3 b + 1, n) as LAPACK's gbtrf."""
-        self.b = len(ab) // 3
-        self.n = ab.shape[1]
+        """ab : (n, 2 b + 1), ab[i, b + j - i] = A[i, j]."""
+        self.n = len(ab)
+        self.b = ab.shape[1] // 2
         self.ab = ab
         self.columns = columns
         self.rows = rows
@@ -75,7 +73,7 @@ class BandMatrix:
 
     def _in_band(self, i: Indices, j: Indices) -> tuple[Indices, Indices]:
         """Where `ab` has the entries (i, j)."""
-        return 2 * self.b + i - j, j
+        return i, self.b + j - i
 
     def add_entry(self, row: int, column: int, value: complex) -> None:
         """Add one entry inside the band or in the corner."""
@@ -129,12 +127,12 @@ class BandMatrix:
         """Make rows and columns `at` zero but for ones on the diagonal: these unknowns drop out."""
         inner = at[at < self.n]
         border = at[at >= self.n] - self.n
-        j = inner[:, None] + np.arange(-self.b, self.b + 1)
-        i = np.broadcast_to(inner[:, None], j.shape)
-        inside = (j >= 0) & (j < self.n)
+        i = inner[:, None] + np.arange(-self.b, self.b + 1)
+        j = np.broadcast_to(inner[:, None], i.shape)
+        inside = (i >= 0) & (i < self.n)
         self.ab[self._in_band(i[inside], j[inside])] = 0.0
-        self.ab[:, inner] = 0.0
-        self.ab[2 * self.b, inner] = 1.0
+        self.ab[inner] = 0.0
+        self.ab[inner, self.b] = 1.0
         self.columns[inner] = 0.0
         self.columns[:, border] = 0.0
         self.rows[:, inner] = 0.0
@@ -145,39 +143,31 @@ class BandMatrix:
 
     def factorise_in_place(self) -> BandFactors:
         """Return the factors; the band is overwritten."""
-        factor, substitute = get_lapack_funcs(("gbtrf", "gbtrs"), (self.ab,))
-        lu, pivots, _ = factor(self.ab, self.b, self.b, overwrite_ab=True)
-        from_border = substitute(lu, self.b, self.b, self.columns, pivots)[0]
-        schur = self.corner - self.rows @ from_border
-        return BandFactors(substitute, lu, pivots, from_border, self.rows, np.linalg.inv(schur))
+        from cablefem.elements.kernels.banded import factorise_in_place, solve_factored_in_place  # slow to load
+
+        factorise_in_place(self.ab, None)
+        from_border = self.columns.T.copy()
+        for column in from_border:
+            solve_factored_in_place(self.ab, None, column)
+        schur = self.corner - self.rows @ from_border.T
+        return BandFactors(self.ab, from_border, self.rows, np.linalg.inv(schur))
 
 
-@dataclass(frozen=True, slots=True)
-class BandFactors:
+class BandFactors(NamedTuple):
     """Of a bordered band."""
 
-    substitute: Callable  # LAPACK's gbtrs
-    lu: Any
-    pivots: Any
-    from_border: Any
-    rows: Any
-    inverse: Any
+    band: Any  # (n, 2 b + 1) see `kernels.banded`
+    from_border: Any  # (K, n)
+    rows: Any  # (K, n)
+    inverse: Any  # (K, K)
 
     def __call__(self, b: Array) -> Array:
         """The solution for a right-hand side."""
-        n = self.pivots.size
-        band = len(self.lu) // 3
-        inner = self.substitute(self.lu, band, band, b[:n], self.pivots)[0]
-        border = self.inverse @ (b[n:] - self.rows @ inner)
-        return np.concatenate([inner - self.from_border @ border, border])
+        from cablefem.elements.segment_kernels.march import solve_bordered_in_place  # slow to load
 
-    def inverted_diagonal(self) -> tuple[Any, ...]:
-        """`segment_kernels.march.Factors` of this one."""
-        columns = self.lu.T.astype(complex)
-        diagonal = 2 * (columns.shape[1] // 3)
-        columns[:, diagonal] = 1.0 / columns[:, diagonal]
-        border = [x.astype(complex) for x in (self.from_border, self.rows, self.inverse)]
-        return columns, self.pivots, *border
+        x = b.astype(self.band.dtype)
+        solve_bordered_in_place(self, x)
+        return x
 
 
 Matrix = DenseMatrix | BandMatrix

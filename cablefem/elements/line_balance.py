@@ -268,7 +268,7 @@ class LineBalance(LineCoordinates):
         factors: list[Any] = []
         for c in cs:
             factors += [np.real(c), np.imag(c)] if np.iscomplexobj(c) else [c]
-        shapes = (n, 3 * self.band + 1), (n, border), (border, n), (border, border)
+        shapes = (n, 2 * self.band + 1), (n, border), (border, n), (border, border)
         arrays = [np.zeros((len(factors), *shape)) for shape in shapes]
         self._kernel.add_rope_tangents(x, rope_and_cars, np.array(factors), arrays)
         parts = zip(*arrays, strict=True)
@@ -277,8 +277,7 @@ class LineBalance(LineCoordinates):
             entries = next(parts)
             if np.iscomplexobj(c):
                 entries = tuple(real + 1j * imaginary for real, imaginary in zip(entries, next(parts), strict=True))
-            ab, *others = entries
-            out.append(BandMatrix(ab.T, *others))
+            out.append(BandMatrix(*entries))
         return out
 
     def _dense_rope_tangent(self, x: Coordinates, law: Array, c: TangentFactors) -> DenseMatrix:

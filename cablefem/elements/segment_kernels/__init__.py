@@ -114,7 +114,11 @@ class Kernel:
         whole = contacts.Contacts(line, self.supports, trolleys, self.rails, self.force_rows)
         results = np.zeros((prescribed.shape[1], 5))
         kernel_steps = march.Steps(*steps, prescribed, results)
-        of_modes = [x.inverted_diagonal() for x in factors]
-        stacked = march.Factors(*(np.array(x) for x in zip(*of_modes, strict=True)))
-        taken = march.take_steps_with_factors(whole, slots, moving, stacked, kernel_steps, rule, newton)
+        modes: list[march.Mode] = []
+        for vectors in zip(rule.to_modes, rule.from_modes.T, strict=True):
+            of_mode = factors[len(modes)]
+            part = np.array if np.iscomplexobj(of_mode.band) else np.real  # real for a real eigenvalue
+            weights, shares = (part(x).copy() for x in vectors)
+            modes.append(march.Mode(weights, shares, of_mode))
+        taken = march.take_steps_with_factors(whole, slots, moving, tuple(modes), kernel_steps, rule, newton)
         return taken, results[: taken + 1]

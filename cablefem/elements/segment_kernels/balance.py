@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,64 +62,71 @@ class Coordinates(NamedTuple):
 class Bands(NamedTuple):
     """Of m matrices, see `bordered.BandMatrix`."""
 
-    ab: Array  # (m, n, 3 b + 1)
+    ab: Array  # (m, n, 2 b + 1)
     columns: Array
     rows: Array
     corner: Array
 
 
 @inner
-def set_motion_at_point(line: Line, at: Coordinates, k: int, e: int, g: int, y: Array) -> None:
-    """Set y (16,) to r, v, a, r_xi, v_xi, and s, ds, dds at both ends, at point g of element e of segment k."""
+def motion_at_point(line: Line, at: Coordinates, k: int, e: int, g: int) -> Any:
+    """r, v, a, r_xi, v_xi, and s, ds, dds at both ends (16,), at point g of element e of segment k."""
     mesh = line.mesh
+    q, v, a = at
     first = 2 * k * (mesh.ends.shape[1] - 1)
-    y[:10] = 0.0
+    r_x = r_y = v_x = v_y = a_x = a_y = 0.0
+    r_xi_x = r_xi_y = v_xi_x = v_xi_y = 0.0
     for i in range(mesh.dofs.shape[1]):
         slot = first + 2 * mesh.dofs[e, i]
         phi = mesh.phi[g, i]
         phi_xi = mesh.phi_xi[g, i]
-        for axis in range(2):
-            y[axis] += phi * at.q[slot + axis]
-            y[2 + axis] += phi * at.v[slot + axis]
-            y[4 + axis] += phi * at.a[slot + axis]
-            y[6 + axis] += phi_xi * at.q[slot + axis]
-            y[8 + axis] += phi_xi * at.v[slot + axis]
-    for end in range(2):
-        slot = first_slot_of_s(line) + k + end
-        y[10 + end] = at.q[slot]
-        y[12 + end] = at.v[slot]
-        y[14 + end] = at.a[slot]
+        r_x += phi * q[slot]
+        r_y += phi * q[slot + 1]
+        v_x += phi * v[slot]
+        v_y += phi * v[slot + 1]
+        a_x += phi * a[slot]
+        a_y += phi * a[slot + 1]
+        r_xi_x += phi_xi * q[slot]
+        r_xi_y += phi_xi * q[slot + 1]
+        v_xi_x += phi_xi * v[slot]
+        v_xi_y += phi_xi * v[slot + 1]
+    s = first_slot_of_s(line) + k
+    ends = q[s], q[s + 1], v[s], v[s + 1], a[s], a[s + 1]
+    return (r_x, r_y, v_x, v_y, a_x, a_y, r_xi_x, r_xi_y, v_xi_x, v_xi_y, *ends)
 
 
 @inner
-def set_densities(rope: Rope, law: Array, xi: float, y: Array, out: Array) -> None:
-    """Set out (7,) to `Segments.row_densities` and the tension, of `set_motion_at_point`; law : (3,)."""
+def densities(rope: Rope, law: Array, xi: float, y: Any) -> Any:
+    """`Segments.row_densities` and the tension (7,), of `motion_at_point`; law : (3,)."""
     h = y[11] - y[10]
     dh = y[13] - y[12]
     c = y[12] * (1.0 - xi) + y[13] * xi
     dc = y[14] * (1.0 - xi) + y[15] * xi
-    flow = c / h
-    slowing = (flow * dh - dc) / h
+    per_h = 1.0 / h
+    flow = c * per_h
+    slowing = (flow * dh - dc) * per_h
     size = np.sqrt(y[6] * y[6] + y[7] * y[7])
-    lam = size / h
+    lam = size * per_h
     EA, N_0, W_0 = law
     N = N_0 + EA * (lam - 1.0)
     W = W_0 + (N_0 + 0.5 * EA * (lam - 1.0)) * (lam - 1.0)
-    momentum = 0.0 * h
-    kinetic = 0.0 * h
-    for x in range(2):
-        r_xi = y[6 + x]
-        w = y[2 + x] - flow * r_xi
-        dw = y[4 + x] - flow * y[8 + x] + slowing * r_xi
-        out[x] = rope.rho * (h * dw + dh * w)
-        out[2 + x] = rope.rho * c * w + N * r_xi / size
-        momentum += dw * r_xi + w * y[8 + x]
-        kinetic += 0.5 * w * w + flow * w * r_xi
-    out[1] -= rope.q * h
+    w_x = y[2] - flow * y[6]
+    w_y = y[3] - flow * y[7]
+    dw_x = y[4] - flow * y[8] + slowing * y[6]
+    dw_y = y[5] - flow * y[9] + slowing * y[7]
+    momentum = dw_x * y[6] + dw_y * y[7] + w_x * y[8] + w_y * y[9]
+    kinetic = 0.5 * (w_x * w_x + w_y * w_y) + flow * (w_x * y[6] + w_y * y[7])
     material = W - N * lam - rope.q * y[1] - rope.rho * kinetic
-    out[4] = -material - (1.0 - xi) * rope.rho * momentum
-    out[5] = material - xi * rope.rho * momentum
-    out[6] = N
+    per_size = N / size
+    return (
+        rope.rho * (h * dw_x + dh * w_x),
+        rope.rho * (h * dw_y + dh * w_y) - rope.q * h,
+        rope.rho * c * w_x + per_size * y[6],
+        rope.rho * c * w_y + per_size * y[7],
+        -material - (1.0 - xi) * rope.rho * momentum,
+        material - xi * rope.rho * momentum,
+        N,
+    )
 
 
 @inner
@@ -148,23 +155,25 @@ def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -
     """
     mesh = line.mesh
     S = first_slot_of_s(line)
-    y = np.empty(16)
-    out = np.empty(7)
     lowest = np.inf
     for k in range(line.law.shape[1]):
+        first = 2 * k * (mesh.ends.shape[1] - 1)
         for e in range(mesh.dofs.shape[0]):
             tension = 0.0
             for g in range(mesh.weights.size):
-                set_motion_at_point(line, at, k, e, g, y)
-                set_densities(line.rope, line.law[:, k, e * mesh.weights.size + g], mesh.xi[e, g], y, out)
+                y = motion_at_point(line, at, k, e, g)
+                of_point = densities(line.rope, line.law[:, k, e * mesh.weights.size + g], mesh.xi[e, g], y)
                 weight = mesh.weights[g]
-                tension += weight * mesh.dofs.shape[0] * out[6]
+                value_x, value_y, slope_x, slope_y, left, right, N = of_point
+                tension += weight * mesh.dofs.shape[0] * N
                 for i in range(mesh.dofs.shape[1]):
-                    slot = 2 * (k * (mesh.ends.shape[1] - 1) + mesh.dofs[e, i])
-                    for x in range(2):
-                        rows[slot + x] += weight * (mesh.phi[g, i] * out[x] + mesh.phi_xi[g, i] * out[2 + x])
-                for end in range(2):
-                    rows[S + k + end] += weight * out[4 + end]
+                    slot = first + 2 * mesh.dofs[e, i]
+                    phi = weight * mesh.phi[g, i]
+                    phi_xi = weight * mesh.phi_xi[g, i]
+                    rows[slot] += phi * value_x + phi_xi * slope_x
+                    rows[slot + 1] += phi * value_y + phi_xi * slope_y
+                rows[S + k] += weight * left
+                rows[S + k + 1] += weight * right
             lowest = min(lowest, tension)
     return lowest
 
@@ -232,7 +241,6 @@ def add_rope_tangents(line: Line, at: Coordinates, factors: Array, matrices: Ban
     """
     mesh = line.mesh
     y = np.empty(16, np.complex128)
-    out = np.empty(7, np.complex128)
     J = np.empty((16, 6))
     by_value = np.empty((2, 6))
     by_slope = np.empty((2, 6))
@@ -240,13 +248,15 @@ def add_rope_tangents(line: Line, at: Coordinates, factors: Array, matrices: Ban
     for k in range(line.law.shape[1]):
         for e in range(mesh.dofs.shape[0]):
             for g in range(mesh.weights.size):
-                set_motion_at_point(line, at, k, e, g, y)
+                motion = motion_at_point(line, at, k, e, g)
+                for i in range(16):
+                    y[i] = motion[i]
                 for i in range(16):
                     y[i] += 1e-30j
-                    set_densities(line.rope, line.law[:, k, e * mesh.weights.size + g], mesh.xi[e, g], y, out)
+                    of_point = densities(line.rope, line.law[:, k, e * mesh.weights.size + g], mesh.xi[e, g], y)
                     y[i] = y[i].real
                     for row in range(6):
-                        J[i, row] = mesh.weights[g] * (out[row].imag / 1e-30)
+                        J[i, row] = mesh.weights[g] * (of_point[row].imag / 1e-30)
                 for m in range(len(factors)):
                     set_combinations(factors[m], J, by_value, by_slope, by_end)
                     add_point(line, matrices, (m, k, e, g), by_value, by_slope, by_end)
@@ -274,7 +284,7 @@ def add_point(
     mesh = line.mesh
     nodes = mesh.dofs[e]
     first = 2 * k * (mesh.ends.shape[1] - 1)
-    diagonal = 2 * (matrices.ab.shape[2] // 3)
+    diagonal = matrices.ab.shape[2] // 2
     for j in range(nodes.size):
         u = mesh.phi[g, j]
         d = mesh.phi_xi[g, j]
@@ -289,7 +299,7 @@ def add_point(
                 for i in range(nodes.size):
                     row = first + 2 * nodes[i] + x
                     entry = mesh.phi[g, i] * of_value + mesh.phi_xi[g, i] * of_slope
-                    matrices.ab[m, column, diagonal + row - column] += entry
+                    matrices.ab[m, row, diagonal + column - row] += entry
     for end in range(2):
         for other in range(2):
             matrices.corner[m, k + other, k + end] += by_end[end, 4 + other]

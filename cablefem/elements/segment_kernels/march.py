@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import literal_unroll
 from numpy.typing import NDArray
 
+from cablefem.elements.bordered import BandFactors
+from cablefem.elements.kernels.banded import solve_factored_band_in_place
 from cablefem.elements.kernels.collocation import set_end_state, set_node_state, set_weighted_sums
 from cablefem.elements.segment_kernels.balance import compiled, inner
 from cablefem.elements.segment_kernels.contacts import Contacts, Slots, set_dependent_coordinates, set_rows_and_loads
 from cablefem.newmark import Array, Newton, Tableau
 
-Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 
 
-class Factors(NamedTuple):
-    """`bordered.BandFactors` of the tangents of each of the rule's eigenvalues, complex."""
+class Mode(NamedTuple):
+    """An eigenvector of the rule with the factors of its tangent, real or complex."""
 
-    lu: Complex  # (m, n, 3 b + 1) columns; the diagonal is inverted
-    pivots: NDArray[np.int32]  # (m, n)
-    from_border: Complex  # (m, n, K)
-    rows: Complex  # (m, K, n)
-    inverse: Complex  # (m, K, K)
+    weights: Array  # (s,) see `Tableau.to_modes`
+    shares: Array  # (s,) see `Tableau.from_modes`
+    factors: BandFactors
 
 
 class Steps(NamedTuple):
@@ -55,15 +55,13 @@ class Workspace(NamedTuple):
     x: Array  # (3, n_dof)
     r: Array  # (s, size) residuals
     da: Array  # (s, size) corrections
-    along: Complex  # (m, size) along the eigenvectors
-    border: Complex  # (K,)
 
 
 class March(NamedTuple):
     line: Contacts
     slots: Slots  # of unknowns (n_dof,)
     moving: Mask  # (size,) whether a slot is one of those, and of no car that sticks
-    factors: Factors
+    modes: Any  # tuple of `Mode`
     steps: Steps
     rule: Tableau
     newton: Newton
@@ -72,7 +70,7 @@ class March(NamedTuple):
 
 @compiled
 def take_steps_with_factors(
-    line: Contacts, slots: Slots, moving: Mask, factors: Factors, steps: Steps, rule: Tableau, newton: Newton
+    line: Contacts, slots: Slots, moving: Mask, modes: tuple[Mode, ...], steps: Steps, rule: Tableau, newton: Newton
 ) -> int:
     """Take as many steps as there are results while the factors serve; return how many have converged.
 
@@ -80,17 +78,14 @@ def take_steps_with_factors(
     """
     nodes, n = steps.a.shape[1:]
     size = moving.size
-    modes, borders = factors.inverse.shape[:2]
     space = Workspace(
         np.empty((3, size)),
         np.empty(line.line.cars.contacts.size + 1),
         np.empty((3, n)),
         np.empty((nodes, size)),
         np.empty((nodes, size)),
-        np.empty((modes, size), np.complex128),
-        np.empty(borders, np.complex128),
     )
-    march = March(line, slots, moving, factors, steps, rule, newton, space)
+    march = March(line, slots, moving, modes, steps, rule, newton, space)
     for k in range(steps.results.shape[0]):
         if not correct_until_converged(march, k):
             return k
@@ -165,15 +160,25 @@ def set_residuals_return_norm(march: March, k: int) -> float:
 @inner
 def set_corrections(march: March) -> None:
     """Set the corrections of all nodes for their residuals."""
-    along = march.space.along
-    da = march.space.da
-    set_weighted_sums(march.rule.to_modes, march.space.r, along)
-    da[:] = 0.0
-    for m in range(along.shape[0]):
-        solve_bordered(march.factors, m, along[m], march.space.border)
-        for i in range(da.shape[0]):
-            for j in range(da.shape[1]):
-                da[i, j] += (march.rule.from_modes[i, m] * along[m, j]).real
+    march.space.da[:] = 0.0
+    for mode in literal_unroll(march.modes):
+        add_correction_along(mode, march.space)
+
+
+@inner
+def add_correction_along(mode: Mode, space: Workspace) -> None:
+    """Add the corrections along an eigenvector."""
+    nodes, size = space.r.shape
+    along = np.empty(size, mode.weights.dtype)
+    for j in range(size):
+        x = 0.0 * mode.weights[0]
+        for i in range(nodes):
+            x += mode.weights[i] * space.r[i, j]
+        along[j] = x
+    solve_bordered_in_place(mode.factors, along)
+    for i in range(nodes):
+        for j in range(size):
+            space.da[i, j] += (mode.shares[i] * along[j]).real
 
 
 @inner
@@ -187,36 +192,23 @@ def subtract_corrections(march: March, k: int, fraction: float) -> None:
                 a[i, j] -= fraction * march.space.da[i, slots[j]]
 
 
-@inner
-def solve_bordered(factors: Factors, m: int, b: Complex, border: Complex) -> None:
-    """Overwrite b (size,) with the solution by factors m; border (K,) is a workspace."""
-    lu = factors.lu[m]
-    pivots = factors.pivots[m]
-    n = pivots.size
-    band = lu.shape[1] // 3
-    for j in range(n):
-        p = pivots[j]
-        x = b[p]
-        b[p] = b[j]
-        b[j] = x
-        for i in range(1, min(band, n - 1 - j) + 1):
-            b[j + i] -= lu[j, 2 * band + i] * x
-    for j in range(n - 1, -1, -1):
-        x = b[j] * lu[j, 2 * band]
-        b[j] = x
-        for i in range(1, min(2 * band, j) + 1):
-            b[j - i] -= lu[j, 2 * band - i] * x
-    for i in range(border.size):
-        row = factors.rows[m, i]
+@compiled
+def solve_bordered_in_place(factors: BandFactors, b: Array) -> None:
+    """Overwrite b (size,) with the solution."""
+    n = factors.band.shape[0]
+    solve_factored_band_in_place(factors.band, b[:n])
+    right = np.empty_like(b[n:])
+    for i in range(right.size):
         x = b[n + i]
+        row = factors.rows[i]
         for j in range(n):
             x -= row[j] * b[j]
-        border[i] = x
-    for i in range(border.size):
-        x = 0.0j
-        for k in range(border.size):
-            x += factors.inverse[m, i, k] * border[k]
+        right[i] = x
+    for i in range(right.size):
+        x = 0.0 * b[0]
+        for k in range(right.size):
+            x += factors.inverse[i, k] * right[k]
         b[n + i] = x
-    for j in range(n):
-        for i in range(border.size):
-            b[j] -= factors.from_border[m, j, i] * b[n + i]
+        column = factors.from_border[i]
+        for j in range(n):
+            b[j] -= column[j] * x
