@@ -12,7 +12,13 @@ from tests.validation.ladders import run_ladder
 from validation.core import readback, recomputed
 from validation.core.agreement import Verdict
 from validation.core.answers import outcome_of_run
-from validation.core.design import QUANTITIES, design_gap_rows, design_numbers, widen_bars_to_gaps
+from validation.core.design import (
+    QUANTITIES,
+    design_gap_rows,
+    design_numbers,
+    signals_over_common_time,
+    widen_bars_to_gaps,
+)
 from validation.core.measures import energy_defect, time_span_for_extremes
 from validation.core.quasi_static import quasi_static
 from validation.core.running import run
@@ -136,10 +142,10 @@ def test_without_coarser_runs_there_are_no_bars(ladder_with_numbers):
 
 
 def test_extremes_reach_to_the_end_of_the_range_that_they_name():
-    """The top speed of `inclined` was that of one step before: 176.48 m/s instead of 177.59."""
+    """The speed of `inclined` at 0.8 of the length was that of one step before: 176.48 m/s instead of 177.59."""
     coarse, fine = (run(Scene.load("inclined"), "following-p2", elements=8, steps=n, until=0.8) for n in (300, 900))
-    top, top_of_fine = (rows_by_quantity(r)["speed_max"] for r in (coarse, fine))
-    assert top.s_o == pytest.approx(0.8 * coarse.length, rel=1e-6)
+    top, top_of_fine = (signals_over_common_time(r)["speed_max"].extreme(r) for r in (coarse, fine))
+    assert top.s == pytest.approx(0.8 * coarse.length, rel=1e-6)
     assert top.value == pytest.approx(top_of_fine.value, rel=2e-4)
 
 
@@ -299,3 +305,25 @@ def test_a_derived_quantity_computed_wrongly_is_seen(name, monkeypatch, tmp_path
     run(SCENES["level"], "following-p2", elements=4, steps=100).write(tmp_path / "following-p2")
     faults = list(readback.file_faults(readback.StoredResults(tmp_path, ["following-p2"], judged=False)))
     assert any(f"path.csv: {name} is not what was computed" in fault for fault in faults)
+
+
+ACCELERATING = {"kind": "constant_acceleration", "acceleration": 2.0}
+TABLE = {
+    "kind": "table", "times": [0.0, 10.0, 20.0, 30.0, 45.0, 55.0], "positions": [0.0, 20.0, 30.0, 30.0, 90.0, 190.0],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("travel", [ACCELERATING, TABLE, {**TABLE, "stop": {"time": 53.5, "deceleration": 9.0}}])
+def test_the_top_speed_is_that_of_the_whole_timetable(travel):
+    """Paths end at 0.8 of the rope: a car that grows faster up to the far support had the speed that it has there."""
+    scene = Scene(
+        cable={"mass_per_length": 1.0, "EA": 1.3e7, "horizontal_tension": 40e3}, supports={"span": 200.0},
+        mass={"mass": 20.0}, travel=travel,
+    )  # fmt: skip
+    top = scene.top_speed
+    if travel is ACCELERATING:
+        top = np.sqrt(2.0 * 2.0 * scene.length)
+    ladder = run_ladder(scene, elements=4, steps=200)
+    for numbers in (rows_by_quantity(ladder), rows_by_quantity(quasi_static(scene))):
+        assert numbers["speed_max"].value == pytest.approx(top, rel=1e-9)
+    assert recomputed.RecomputedNumbers(ladder.finest, None).number("speed_max") == pytest.approx(top, rel=1e-9)

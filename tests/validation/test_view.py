@@ -43,6 +43,11 @@ def test_windows_are_cut_where_a_run_ends_or_is_slack() -> None:
     assert view.cut_to_valid_range(run_with(reached=0.999), run_with()).window == (0.02, 0.80)
     with pytest.raises(NotComparable, match="two ends"):
         view.cut_to_valid_range(run_with(), run_with(method="two", reached=0.01))
+    with pytest.raises(NotComparable, match=r"one ends at .* before 0\.03"):  # less than two frames
+        view.cut_to_valid_range(run_with(reached=0.025))
+    short = dataclasses.replace(view, window=(0.02, 0.014))
+    with pytest.raises(NotComparable, match="one ends"):  # by its timetable, not for slow waves
+        short.cut_to_valid_range(run_with(reached=0.014))
     ride = View.of_scene(Scene.load("zipline")).cut_to_valid_range(
         run_with(drive="free"), run_with(drive="free", t=[0.0, 8.5])
     )

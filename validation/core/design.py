@@ -269,6 +269,7 @@ def design_numbers(ladder_or_run: Ladder | Response, counterpart: Ladder | None 
     signals = signals_over_common_time(r, other)
     extremes = [_number_of_extreme(name, signal, r, ladder) for name, signal in signals.items()]
     numbers = [number for number in extremes if number is not None]
+    numbers = list(_with_top_speed_of_timetable(scene, numbers))
     safety_factor = _safety_factor_number(r, numbers)
     if safety_factor is not None:
         numbers.append(safety_factor)
@@ -277,6 +278,27 @@ def design_numbers(ladder_or_run: Ladder | Response, counterpart: Ladder | None 
     numbers += _numbers_for_limits(scene)
     slack_onset = _slack_onset_number(r, other, ladder)
     return numbers if slack_onset is None else [*numbers, slack_onset]
+
+
+def _with_top_speed_of_timetable(scene: Scene, numbers: list[Number]) -> Iterator[Number]:
+    """The numbers, with the timetable's top speed where that of the path, which is taken off the supports, is less."""
+    motion = scene.groups.motion
+    if motion is None:
+        yield from numbers
+        return
+    t, _ = max(motion.speeds_where_extreme, key=lambda sample: sample[1])
+    s_o = float(motion.position(t)) * scene.length
+    where = {"t": t * scene.time_scale, "s_o": s_o, "s": s_o, "x": float(scene.catenary.x(s_o))}
+    assert scene.top_speed is not None
+    of_timetable = _design_row("speed_max", scene.top_speed, 0.0, unit_of("speed_max"), **where)
+    known = False
+    for number in numbers:
+        is_top_speed = number["quantity"] == "speed_max"
+        known = known or is_top_speed
+        slower = is_top_speed and number["value"] < scene.top_speed
+        yield of_timetable if slower else number
+    if not known:
+        yield of_timetable
 
 
 def signals_over_common_time(r: Response, other: Response | None = None) -> dict[str, Signal]:

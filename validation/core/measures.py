@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from cablefem.newmark import scheme
 from cablefem.response import Array, Fields, MassPath, Response
 from validation.core.methods import METHODS
+from validation.core.scene_data import ROUNDING
 
 WINDOW = (0.02, 0.80)  # s_o/l past the start-up, before the layer at the far support
 SLACK_END = 0.95  # s_o/l: end for slack cables and hauled cars
 WINDOWS = {"grip": WINDOW, "haul": (WINDOW[0], SLACK_END), "free": (0.0, 1.0)}
+NARROWEST = 0.01  # s_o/l of a window: two frames of the fields, which laws of mechanics need
 # |s - s_o|/l left out of tension gaps, where meshes smear the jump; no round number, which stations lie on
 JUMP_WIDTH = 0.019999
 
@@ -63,13 +65,14 @@ def common_window(*responses: MassPath, window: Window | None = None) -> Window:
     ]
     end = min(ends)
     cut = min(high, end)
-    if cut > low:
+    begin = low + NARROWEST
+    if cut >= begin:
         return low, cut
-    if not high > low:
+    if high < end * (1.0 - ROUNDING):
         raise NotComparable(f"nothing to compare: from s_o/l = {high:.4f} on waves are slower than the mass")
     first = responses[ends.index(end)]
     what = "is slack" if first.slack_onset_position_or_inf <= end else "ends"
-    raise NotComparable(f"nothing to compare: {first.method} {what} at s_o/l = {end:.4f}, before {low:g}")
+    raise NotComparable(f"nothing to compare: {first.method} {what} at s_o/l = {end:.4f}, before {begin:g}")
 
 
 def position_where_mass_outruns_waves(r: MassPath) -> float:

@@ -122,6 +122,9 @@ class RecomputedNumbers:
         if kind == "safety_factor_min":
             tension = self._extreme("tension_max", averaged=True)
             return None if tension is None else self.data.cable["breaking_load"] / tension
+        if kind == "speed_max" and self.r.drive != "free":
+            of_timetable = timetable.top_speed(self.data.travel, self.data.drive, self.r.length)
+            return max(of_timetable, self._extreme(kind, averaged) or 0.0)
         return self._extreme(kind, averaged)
 
     def _extreme(self, kind: str, averaged: bool) -> float | None:

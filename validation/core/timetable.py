@@ -1,13 +1,17 @@
 """The travel of a TOML in SI, as stretches of constant jerk."""
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from cablefem.response import Array
+from validation.core.scene_data import ROUNDING
 
+SLOW_END = 1e-3  # of the top speed: a table that begins or ends slower does so at rest
 Stretches = list[tuple[float, float, float]]  # duration [s], initial acceleration [m/s2], jerk [m/s3]
 
 
@@ -48,6 +52,49 @@ def accelerations_at_stretch_ends(travel: dict[str, Any], drive: dict[str, Any],
     if "stop" in travel:
         rates.append(-travel["stop"]["deceleration"])
     return np.array(rates)
+
+
+def top_speed(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
+    """Largest ds_o/dt [m/s] until a stop, or the end of the ride."""
+    last = travel.get("stop", {}).get("time", math.inf)
+    if drive.get("mode") == "haul":
+        last = min(last, drive.get("end", {}).get("time", math.inf))
+    distance = _travel_distance(travel, drive, length)
+    if travel["kind"] == "table":
+        return _top_speed_of_table(travel, distance, last)
+    speed, stretches = _start_speed_and_stretches(travel, distance)
+    times = np.cumsum([0.0] + [duration for duration, _, _ in stretches])
+    if travel["kind"] == "constant_acceleration":  # its stretch has no end
+        a = travel["acceleration"]
+        times[-1] = 2.0 * distance / (speed + math.sqrt(speed**2 + 2.0 * a * distance)) if a > 0.0 else 0.0
+    times = np.where(np.isfinite(times), times, times[-2])  # a cruise has its speed at its start
+    _, v = _position_and_speed(0.0, speed, stretches, np.minimum(times, last))
+    return float(v.max())
+
+
+def _top_speed_of_table(travel: dict[str, Any], distance: float, last: float) -> float:
+    """Largest speed [m/s] of the C2 curves through the rows, at rest beside a standstill."""
+    t = np.array(travel["times"])
+    s = np.array(travel["positions"])
+    stands = np.diff(s) == 0.0
+    changes = np.flatnonzero(np.diff(stands)) + 1
+    top = 0.0
+    for i, j in pairwise([0, *changes.tolist(), t.size - 1]):
+        if stands[i]:
+            continue
+        rows = slice(i, j + 1)
+        slopes = CubicSpline(t[rows], s[rows])(t[rows], 1)
+        slow = slopes[[0, -1]] < SLOW_END * slopes.max()
+        at_rest = slow | [i > 0, j < t.size - 1]
+        ends = tuple((1, 0.0) if rests else "not-a-knot" for rests in at_rest)
+        curve = CubicSpline(t[rows], s[rows], bc_type=ends)
+        extremes = curve.derivative(2).roots(extrapolate=False)
+        arrival = curve.solve(distance, extrapolate=False)
+        times = np.concatenate([t[rows], extremes, arrival, np.clip([last], t[i], t[j])])
+        times = times[np.isfinite(times)]
+        reached = (times <= last) & (curve(times) <= distance * (1.0 + ROUNDING))
+        top = max(top, curve(times[reached], 1).max(initial=0.0))
+    return float(top)
 
 
 def _position_and_speed(start: float, speed: float, stretches: Stretches, t: Array) -> tuple[Array, Array]:

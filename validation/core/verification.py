@@ -11,11 +11,11 @@ Row = dict[str, Any]
 
 
 def verification_rows(a: Ladder, b: Ladder) -> list[Row]:
-    """One row for each design number with a bar of both solvers, of the one with the smaller bar.
+    """One row for each design number with a bar of both solvers, of the one with the smaller bar; none for exact ones.
 
     a, b : with design numbers whose bars are their own.  Values are those of the run, of half and of a quarter.
     """
-    numbers = [{row["quantity"]: row for row in x.finest.design if row["bar"] is not None} for x in (a, b)]
+    numbers = [{row["quantity"]: row for row in x.finest.design if row["bar"]} for x in (a, b)]
     computed = [signals_over_common_time(a.finest, b.finest), signals_over_common_time(b.finest, a.finest)]
     out = []
     for name in computed[0]:
