@@ -130,10 +130,13 @@ def _car_powers(system: LineSines, k: int, states: Sequence[State], s: Array, at
     reached = s - 1e-9 * before_jump  # of two states at a brake the first is short of it
     rolling = drive.mu_r if body.car.rail is None else 0.0  # a shoe has no friction
     resisting = rolling * np.abs(body.normal_wheel_loads(at)) + body.brake_forces_of_wheels(reached)
-    lost = np.zeros(s.size)
+    power = np.zeros(s.size)
     for wheel, force in zip(wheels, resisting.T, strict=True):
-        lost += wheel.mean_stretch * force * np.abs(wheel.ds)
-    powers[f"{name} friction"] = -lost
+        sign = np.sign(wheel.ds)
+        if body.car.travel is not None:  # rope that creeps under a standing car does not turn its friction
+            sign = np.array([line.travel_direction(body.car, state.phase) for state in states])
+        power -= wheel.mean_stretch * force * sign * wheel.ds
+    powers[f"{name} friction"] = power
     if drive.mode == "free":
         fractions = [drive.remaining_hold_fraction(t) for t in times.tolist()]
         powers[f"{name} hold"] = x.mean_stretch * (system.holds[k] * np.array(fractions)) * x.ds

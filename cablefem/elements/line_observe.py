@@ -424,6 +424,9 @@ def _car_loads_over_time(x: _History) -> CarLoadsAndMasses:
     thrust = np.array([cars.thrust for cars in data])
     hold = np.array([cars.hold for cars in data])
     sign = np.where(ds == 0.0, data[0].sign, np.sign(ds))
+    for i, car in enumerate(system.line.cars_on_rope):
+        if car.travel is not None:  # rope that creeps under a standing car does not turn its friction
+            sign[:, i] = [system.line.travel_direction(car, phase) for phase in x.phase]
     return data[0]._replace(thrust=thrust, hold=hold, brake=brake, rear_brake=rear_brake, sign=sign)
 
 

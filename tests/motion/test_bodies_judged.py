@@ -8,7 +8,7 @@ import pytest
 from cablefem.scene.line import Line
 from tests.motion.lines import BODIES, OVER, broken_laws
 from validation.commands.check.motion import compare_and_check_laws
-from validation.commands.run.motion import SINES, LineRuns
+from validation.commands.run.motion import ELEMENTS, SINES, LineRuns
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_rows import LineTolerance
 
@@ -38,8 +38,10 @@ def test_rope_that_creeps_under_a_standing_car_does_not_turn_its_friction():
     }  # fmt: skip
     stands = Line.from_toml(OVER).replace(cabin)
     ladder = LineRuns(SINES, stands).ladder(2, 2)
-    motion = ladder.finest.motion
-    assert np.min(motion.cars[0].ds[motion.t > motion.t[-1] - 3.0]) < 0.0
+    for motion in (ladder.finest.motion, LineRuns(ELEMENTS, stands).run(2, 2).motion):
+        ds = motion.cars[0].ds
+        assert np.min(ds[motion.t > motion.t[-1] - 3.0]) < 0.0
+        assert np.all(motion.powers["car friction"] * ds <= 0.0)  # a force to the left
     assert not broken_laws(stands.to_toml(), ladder)
 
 
