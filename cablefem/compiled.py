@@ -9,10 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from llvmlite.binding import get_host_cpu_features
-from numba import njit
+from numba import njit, types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.datamodel import register_default
+from numba.core.datamodel.models import OpaqueModel
+from numba.core.imputils import lower_constant
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
 
@@ -57,7 +60,19 @@ def can_run_shipped_code(processor_features: Mapping[str, bool]) -> bool:
     return all(processor_features.get(name) for name in FEATURES)
 
 
+class _InnerType(types.Dispatcher):
+    """Without an address, so that functions which take others can be cached."""
+
+
+register_default(_InnerType)(OpaqueModel)
+lower_constant(_InnerType)(lambda context, *_: context.get_dummy_value())
+
+
 class _Inner(CPUDispatcher):
+    @property
+    def _numba_type_(self) -> Any:
+        return _InnerType(self)
+
     def __call__(self, *arguments: Any) -> Any:
         raise TypeError(f"{self.py_func.__name__} is for compiled functions to call")
 
@@ -95,9 +110,10 @@ def compiling_decorator(source_file: str, *, inner: bool = False) -> Callable[[C
     """The decorator of compiled functions in the folder of a source file, and below.
 
     inner : only compiled functions call it, which take it in; compiling is faster by a third.
-    A change in any source file compiles all anew: numba misses changes in called functions.
+    A change in any source file there, or in the driver's, compiles all anew: numba misses changes in called functions.
     """
-    sources = sorted(Path(source_file).parent.rglob("*.py"))
+    driver = Path(__file__).parent / "newmark"
+    sources = sorted([*driver.glob("*.py"), *Path(source_file).parent.rglob("*.py")])
     stamp = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).digest()
     special: Any = {"no_cpython_wrapper": True, "pipeline_class": _InnerCompiler, "forceinline": True} if inner else {}
 

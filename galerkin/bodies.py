@@ -223,10 +223,10 @@ class CarBody(Body):
         """[W], wind included."""
         return dot(self.forces(x)[..., 9:], self.turning_body_centre_and_velocity(x)[1])
 
-    def max_friction_plus_brake_force(self, x: ContactState, friction: Friction) -> float:
-        """Sum over the wheels [N] of what friction and brakes can give."""
+    def max_friction_plus_brake_force(self, x: ContactState, friction: Friction) -> Array:
+        """Sum over the wheels (...) [N] of what friction and brakes can give."""
         loads = np.abs(self.normal_wheel_loads(x))
-        return float((friction.rolling * loads).sum() + friction.rear_brake + friction.brake)
+        return np.asarray((friction.rolling * loads).sum(axis=-1) + friction.rear_brake + friction.brake)
 
 
 class PointCar(CarBody):

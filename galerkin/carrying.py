@@ -32,6 +32,7 @@ def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple
     equations = new.equations
     q, v = np.where(equations.forces, 0.0, Z[:2, equations.free])
     state = State(x.t, q, v, np.zeros(new.n_dof), x.phase)
+    new.set_travel_directions(x.phase)
     new.begin_step(state)
     return new, new.with_acceleration(state)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +29,21 @@ def body_at_contact(line: MovingLine, contact: Contact | Car | Wheel) -> Body:
     return Saddle() if contact.kind == "saddle" else Body()
 
 
+class BlockInverse(NamedTuple):
+    """The inverse of a tangent, in which segments act on one another through contacts alone."""
+
+    edges: Any  # rows of the functions of each segment, (segments + 1,)
+    blocks: Any  # of the inverse of what is between contacts, (n, n)
+    from_contacts: Any  # (n, m): the functions between contacts follow from the unknowns of contacts
+    contacts: Any  # rows of the inverse, (m, n + m)
+
+    def __call__(self, r: Any) -> Any:
+        """The solution for r (n + m,)."""
+        at_contacts = self.contacts @ r
+        between = self.blocks @ r[: len(self.blocks)] - self.from_contacts @ at_contacts
+        return np.concatenate([between, at_contacts])
+
+
 class LineEquations:
     """Rows of a line, one for each unknown."""
 
@@ -46,6 +63,8 @@ class LineEquations:
         last = self.size + len(dependent)
         column = np.full(layout.size, last)
         column[[*self.free, *dependent]] = np.arange(last)
+        sizes = [part.stop - part.start for part in layout.functions_of]
+        self.block_edges = np.cumsum([0, *sizes])
         rope = layout.line.rope
         self.line = kernels.Line(
             tables=layout.tables, at=layout.coordinates, free=self.free, shapes=layout.shapes, column=column,
@@ -73,3 +92,21 @@ class LineEquations:
         K = self._tangent
         values = kernels.evaluate_line_and_set_derivatives(self.line, Z, frictions, self._blocks, K)
         return values, K[:, :, : self.size]
+
+    def inverse_or_nan(self, tangent: Any) -> Any:
+        """`BlockInverse` of a tangent (n, n); NaN if it has none."""
+        n = self.block_edges[-1]
+        blocks = np.zeros((n, n), tangent.dtype)
+        by_contacts = tangent[:n, n:]
+        of_contacts = tangent[n:, :n]
+        try:
+            for first, end in pairwise(self.block_edges):
+                blocks[first:end, first:end] = np.linalg.inv(tangent[first:end, first:end])
+            from_contacts = blocks @ by_contacts
+            at_contacts = np.linalg.inv(tangent[n:, n:] - of_contacts @ from_contacts)
+        except np.linalg.LinAlgError:
+            blocks[:] = np.nan
+            from_contacts = blocks @ by_contacts
+            at_contacts = np.nan * tangent[n:, n:]
+        contacts = np.concatenate([-at_contacts @ of_contacts @ blocks, at_contacts], axis=1)
+        return BlockInverse(self.block_edges, blocks, from_contacts, contacts)

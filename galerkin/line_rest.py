@@ -121,7 +121,7 @@ class RestSearch:
     def is_taut(self, rest: Array) -> bool:
         """Whether no tension is negative: a rope that stands on its saddles, compressed, balances its loads, too."""
         values = self.equations.evaluate(rest[:, None], self.frictions)
-        return self.system.min_tension_and_saddle_pressures(values)[0] > 0.0
+        return bool(self.system.min_tension_and_saddle_pressures(values)[0, 0] > 0.0)
 
     def solve(self, guess: Array) -> Array:
         """Coordinates at rest, with shorter steps where the residual grows; StepFailure without convergence."""

@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from cablefem.motion import LineMotion
-from cablefem.newmark import ACCELERATION_ONLY, Solve, State, StepFailure, System, TangentFactors
+from cablefem.newmark import (
+    ACCELERATION_ONLY,
+    MarchingSystem,
+    Solve,
+    State,
+    StepFailure,
+    StepsWithFactors,
+    TangentFactors,
+)
 from cablefem.scene.contacts import NEAREST, Array, Contact, MovingLine
+from galerkin import kernels
 from galerkin.bodies import CarBody, Friction
-from galerkin.equations import overwriting_lu_solver_or_nan
-from galerkin.kernels import LineValues, evaluate_unknowns
+from galerkin.kernels import LineValues
 from galerkin.line_equations import LineEquations, body_at_contact
 from galerkin.line_events import WatchedEvents
 from galerkin.line_observe import observe
@@ -26,26 +34,16 @@ from galerkin.segments import Layout
 TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
 CACHED_INSTANTS = 8  # whose prescribed coordinates are kept: a step's nodes are evaluated several times
 NUDGE = 1e-4  # [s] for the velocity of a line that starts in motion
+REAR_BRAKE = Friction._fields.index("rear_brake")
 SIGN = Friction._fields.index("sign")
 HOLD = Friction._fields.index("hold")
 
 
-class Linearised(NamedTuple):
-    """A residual and its derivatives, and the state that they belong to."""
-
-    state: Array  # (3, n_dof)
-    t: float
-    phase: int
-    r: Array  # (n_dof,)
-    K: Array  # (3, n_dof, n_dof)
-
-
-class LineSines(System):
+class LineSines(MarchingSystem):
     """A line in motion, in SI.  The acceleration of a hauled car's last unknown is the haul force."""
 
-    reuses_factors = True
-
     def __init__(self, line: MovingLine, terms: int) -> None:
+        super().__init__()
         self.line = line
         self.layout = Layout(line, terms)
         self.phases = line.phases
@@ -62,17 +60,16 @@ class LineSines(System):
         self.force_scale = max((line.gravity * car.mass for car in line.cars_on_rope), default=weight_of_rope)
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA
         self.frictions = np.zeros((len(bodies), len(Friction._fields)))
+        self.reached = np.zeros(len(bodies))  # s of the cars where their brakes were set
         self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
         self.held_since = dict.fromkeys(self.free_cars, 0.0)  # [s] when friction stopped them last
         self.watched = WatchedEvents(line, bodies, self.cars)
         self.events = self.watched.names
         self.off_rope = self._cars_off_rope()
         self._acting_off_rope = [car for car in self.off_rope.values() if car.acts_in_rows]
+        self.many_steps = not self._acting_off_rope
         self._fixed_coordinates = self._coordinates_of_supports()
         self._prescribed = lru_cache(CACHED_INSTANTS)(self._compute_prescribed)
-        self._events: tuple[State | None, tuple[float, ...]] = (None, ())  # of the last state that was watched
-        self._last_end: tuple[float, Array, LineValues] | None = None  # t, a and values of the last residuals
-        self._linearised: Linearised | None = None
 
     def _cars_off_rope(self) -> dict[str, CarOffRope]:
         """Cars off the rope by name."""
@@ -118,8 +115,13 @@ class LineSines(System):
 
     def coordinates_with_rates(self, x: State) -> Array:
         """All coordinates of a state with their rates (3, layout.size)."""
-        Z = self.prescribed_coordinates(x.t, x.phase)
-        Z[:, self.equations.free] = x.q, x.v, x.a
+        return self._coordinates((x.t,), x.q, x.v, x.a, x.phase)[:, 0]
+
+    def _coordinates(self, times: tuple[float, ...], q: Array, v: Array, a: Array, phase: int) -> Array:
+        """All coordinates with their rates (3, n, layout.size)."""
+        Z = self._prescribed(times, phase).copy()
+        for rates, unknowns in zip(Z, (q, v, a), strict=True):
+            rates[:, self.equations.free] = unknowns
         self.layout.set_dependent_coordinates(Z)
         return Z
 
@@ -137,9 +139,10 @@ class LineSines(System):
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
         times = tuple(t.tolist())
-        prescribed = self._prescribed(times, phase)
-        values = evaluate_unknowns(self.equations.line, prescribed, q, v, a, self.frictions_at(times))
-        self._last_end = times[-1], a[-1], values
+        x = np.stack([q, v, a], axis=1)
+        values = kernels.evaluate_unknowns(
+            self.equations.line, self._prescribed(times, phase), x, self.frictions_at(times)
+        )
         for car in self._acting_off_rope:
             car.complete_residuals(car.contact_state(t, values.Z, phase), values.r)
         for row in self._sticking_rows:
@@ -147,15 +150,34 @@ class LineSines(System):
         return values.r
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
-        state = np.array([q, v, a])
-        last = self._linearised
-        if last is None or (last.t, last.phase) != (t, phase) or not np.array_equal(last.state, state):
-            r, K = self._residual_and_derivatives(State(t, q, v, a, phase))
-            last = Linearised(state, t, phase, r, K)
-            self._linearised = last
-        c0, c1, c2 = c
-        by_q, by_v, by_a = last.K
-        return last.r, overwriting_lu_solver_or_nan(c0 * by_q + c1 * by_v + c2 * by_a)
+        r, K = self._residual_and_derivatives(State(t, q, v, a, phase))
+        return r, self.equations.inverse_or_nan(np.tensordot(c, K, 1))
+
+    def factorised_tangents(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, cs: Sequence[TangentFactors]
+    ) -> list[Solve]:
+        _, K = self._residual_and_derivatives(State(t, q, v, a, phase))
+        return [self.equations.inverse_or_nan(np.tensordot(c, K, 1)) for c in cs]
+
+    def take_steps_with_factors(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
+        times = tuple(node_times.ravel().tolist())
+        prescribed = self._prescribed(times, phase).reshape(3, *node_times.shape, -1)
+        line = kernels.LineInSteps(
+            line=self.equations.line,
+            prescribed=np.ascontiguousarray(prescribed.swapaxes(0, 1)),
+            frictions=self.frictions_at(times).reshape(*node_times.shape, *self.frictions.shape),
+        )
+        moving = np.ones(self.n_dof, bool)
+        moving[self._sticking_rows] = False
+        return int(kernels.take_steps_with_factors(line, moving, march))
+
+    def count_ends_before_change(self, q: Array) -> int:
+        """Up to the first one from which other brakes act."""
+        others = np.zeros(len(q), bool)
+        for k in self.watched.stops:
+            s = q[:, self._row_of_travel(k)]
+            others |= self.cars[k].car.drive.brake_force(s) != self.frictions[k, REAR_BRAKE:SIGN].sum()
+        return int(np.argmax(others)) + 1 if others.any() else len(q)
 
     def _residual_and_derivatives(self, x: State) -> tuple[Array, Array]:
         """The residual, and its derivatives (3, n_dof, n_dof) by q, v, a."""
@@ -173,6 +195,7 @@ class LineSines(System):
         return r, K
 
     def start(self, phase: int, state: State | None) -> State:
+        self.set_travel_directions(phase)
         if state is not None:
             state = state._replace(phase=phase)
             self.begin_step(state)
@@ -196,7 +219,7 @@ class LineSines(System):
 
     def _require_taut_rope_on_saddles(self, values: LineValues) -> None:
         """StepFailure where the rope at rest is slack or lifts off a saddle."""
-        tension, *pressures = self.min_tension_and_saddle_pressures(values)
+        tension, *pressures = self.min_tension_and_saddle_pressures(values)[:, 0].tolist()
         pressure = min(pressures, default=0.0)
         if min(tension, pressure) < 0.0:
             at_rest = f"at rest the smallest tension is {tension:.6g} N"
@@ -220,39 +243,42 @@ class LineSines(System):
 
     def car_point_and_rates(self, name: str, x: State) -> Array:
         """Point of a car on one contact, or off the rope, with its rates (3, 2)."""
-        Z = self.coordinates_with_rates(x)
-        layout = self.layout
+        Z = self.coordinates_with_rates(x)[:, None]
+        return self._car_points_and_rates(name, np.array([x.t]), Z, x.phase)[:, 0]
+
+    def _car_points_and_rates(self, name: str, t: Array, Z: Array, phase: int) -> Array:
+        """The same (3, n, 2) at the times t (n,), with the coordinates Z."""
         for k, body in self.cars.items():
             if body.car.name == name:
-                return Z[:, layout.moving[k, :2]]
-        at = self.off_rope[name].contact_state(np.array([x.t]), Z[:, None], x.phase)
-        return np.stack([at.p[0], at.dp[0], at.ddp[0]])
+                return Z[..., self.layout.moving[k, :2]]
+        at = self.off_rope[name].contact_state(t, Z, phase)
+        return np.stack([at.p, at.dp, at.ddp])
 
     # --- friction: a car is named by its contact k, of two wheels the rear one ----------------------------------------
+    def set_travel_directions(self, phase: int) -> None:
+        """Set friction against the motion of prescribed cars; a shoe has none."""
+        for k, body in self.cars.items():
+            if body.car.travel is not None and body.car.rail is None:
+                self.frictions[k] = Friction(body.car.drive.mu_r, sign=self.line.travel_direction(body.car, phase))
+
     def begin_step(self, x: State) -> None:
         """Keep the direction of friction, and the brakes that act, for one step."""
-        # a shoe has no friction
-        rubbing = [k for k, b in self.cars.items() if b.car.drive.has_friction_or_brakes and b.car.rail is None]
-        Z = self.coordinates_with_rates(x) if rubbing else np.empty(0)
-        for k in rubbing:
-            body = self.cars[k]
-            s, ds, _ = Z[:, self.layout.s[self.travel_contact[k]]].tolist()
-            sign = self.frictions[k, SIGN]
-            if k not in self.free_cars:
-                sign = self.line.travel_direction(body.car, x.phase)
-            elif abs(ds) > TURNING:
-                sign = float(np.sign(ds))
-            self._set_friction(k, s, sign)
+        for k in self.watched.stops:
+            row = self._row_of_travel(k)
+            ds = x.v.item(row)
+            sign = float(np.sign(ds)) if abs(ds) > TURNING else self.frictions[k, SIGN]
+            if self.cars[k].car.rail is None:
+                self._set_friction(k, x.q.item(row), sign)
 
     def _set_friction(self, k: int, s: float, sign: float) -> None:
         """Set friction and brakes of a car at s against a motion of this sign; 0: they hold it."""
         body = self.cars[k]
         *rear, last = body.brake_forces_of_wheels(s).tolist()
         friction = Friction(body.car.drive.mu_r, sum(rear), last, sign)
+        self.reached[k] = s
         if Friction(*self.frictions[k]) != friction:
             self.frictions[k] = friction
-            self._linearised = None
-            self._events = None, ()
+            self._known_values = {}
 
     def _set_release_friction_or_raise(self, k: int, Z: Array, values: LineValues) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
@@ -283,32 +309,30 @@ class LineSines(System):
         coordinate = self.layout.s[self.travel_contact[k]]
         return int(np.flatnonzero(self.equations.free == coordinate)[0])
 
-    def _needed_friction(self, k: int, t: float, values: LineValues) -> float:
-        """Force [N] along the rope that friction and brakes give a car which sticks, at its last wheel."""
-        body = self.cars[k]
-        state = self.equations.contact_state(values.contact_values[-1], k)
-        last_wheel = state.wheels[-1]
-        needed = body.tangential_force_on_last_wheel(state) / last_wheel.cos_phi
-        return float(needed - self.frictions_at([t])[0, k, HOLD])
+    def _needed_friction(self, k: int, times: tuple[float, ...], values: LineValues) -> Array:
+        """Force (n,) [N] along the rope that friction and brakes give a car which sticks, at its last wheel."""
+        state = self.equations.contact_state(values.contact_values, k)
+        needed = self.cars[k].tangential_force_on_last_wheel(state) / state.wheels[-1].cos_phi
+        return np.asarray(needed - self.frictions_at(times)[:, k, HOLD])
 
-    def _friction_margin(self, k: int, t: float, values: LineValues) -> float:
-        """What friction and brakes could give a car which sticks, less what they give [N]; inf while it slips."""
+    def _friction_margin(self, k: int, times: tuple[float, ...], values: LineValues) -> Array:
+        """What friction and brakes could give a car which sticks, less what they give (n,) [N]; inf while it slips."""
         if not self._sticks(k):
-            return math.inf
-        state = self.equations.contact_state(values.contact_values[-1], k)
+            return np.full(len(times), np.inf)
+        state = self.equations.contact_state(values.contact_values, k)
         available = self.cars[k].max_friction_plus_brake_force(state, Friction(*self.frictions[k]))
-        return available - abs(self._needed_friction(k, t, values))
+        return available - np.abs(self._needed_friction(k, times, values))
 
     def _stick_or_slip_from_rest(self, k: int, x: State) -> State:
         """The state after a standstill: friction holds the car, or it slips."""
         self.held_since[k] = x.t
         held = self._set_slip_return_state(k, x, 0.0)
-        margin = self._friction_margin(k, held.t, self._values_at(held))
+        margin = self._friction_margin(k, (held.t,), self._values_at(held))
         return held if margin > 0.0 else self._start_slipping(k, held)
 
     def _start_slipping(self, k: int, x: State) -> State:
         """The state in which a car that sticks gives way to what pulls it."""
-        pulled = -self._needed_friction(k, x.t, self._values_at(x))
+        pulled = -self._needed_friction(k, (x.t,), self._values_at(x)).item()
         return self._set_slip_return_state(k, x, math.copysign(1.0, pulled))
 
     def _set_slip_return_state(self, k: int, x: State, slip_sign: float) -> State:
@@ -322,55 +346,57 @@ class LineSines(System):
         return self.with_acceleration(x._replace(v=v, a=a))
 
     def _values_at(self, x: State) -> LineValues:
-        """What acts in a state, at the last instant of these; at the end of a step those of its residual."""
-        last = self._last_end
-        if last is not None and last[0] == x.t and np.array_equal(last[1], x.a):
-            return last[2]
+        """What acts in a state."""
         return self.equations.evaluate(self.coordinates_with_rates(x)[:, None], self.frictions[None])
 
     # --- events ------------------------------------------------------------------------------------------------------
-    def event_values(self, x: State) -> tuple[float, ...]:
-        if self._events[0] is not x:
-            self._events = x, tuple(self._compute_event_values(x))
-        return self._events[1]
-
-    def _compute_event_values(self, x: State) -> Iterator[float]:
+    def event_values_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
         watched = self.watched
-        s, ds = self.coordinates_with_rates(x)[:2, self.layout.s].tolist()
-        gaps = [s[i + 1] - s[i] - NEAREST for i in watched.gaps]
-        yield from gaps
+        shape = np.shape(t)
+        t = np.ravel(t)
+        times = tuple(t.tolist())
+        Z = self._coordinates(times, q, v, a, phase)
+        s, ds = Z[:2][..., self.layout.s]  # (n, contacts)
+        gaps = np.diff(s)[:, watched.gaps] - NEAREST
+        in_order = gaps.min(axis=1, initial=1.0) > 0.0
+        never = np.full(t.size, np.inf)
+        values = [*gaps.T]
         for k in watched.stops:
-            yield math.inf if self._sticks(k) else ds[self.travel_contact[k]] * self.frictions[k, SIGN]
+            values.append(never if self._sticks(k) else ds[:, self.travel_contact[k]] * self.frictions[k, SIGN])
         for k, position in watched.brakes:
-            yield position - s[self.travel_contact[k]]
-        in_order = min(gaps, default=1.0) > 0.0
-        for value in self._force_event_values(x):
-            yield value if in_order else math.inf
+            to_brake = position - s[:, self.travel_contact[k]]
+            values.append(to_brake if position > self.reached[k] else never)
+        values += [np.where(in_order, x, np.inf) for x in self._force_event_values(times, Z, phase)]
         for passage in watched.passages:
-            position, speed = self.car_point_and_rates(passage.car, x)[:2, 0].tolist()
-            yield passage.distance_to_go(position, speed)
+            x, dx = self._car_points_and_rates(passage.car, t, Z, phase)[:2, :, 0].tolist()
+            values.append(np.array([*map(passage.distance_to_go, x, dx)]))
+        return np.stack(values, axis=1).reshape(*shape, -1)
 
-    def _force_event_values(self, x: State) -> Iterator[float]:
+    def _force_event_values(self, times: tuple[float, ...], Z: Array, phase: int) -> list[Array]:
         """Loads of wheels, tension of the rope, pressures on saddles, margins of friction [N]; time until rest [s]."""
-        values = self._values_at(x)
-        for k, body in self.cars.items():  # a car does not leave a shoe
-            loads = values.forces_on_cars[-1, k, 6 : 6 + body.contacts].real.tolist()
-            yield from loads if body.car.rail is None else [math.inf]
-        yield from self.min_tension_and_saddle_pressures(values)
-        for k in self.watched.stops:
-            yield self._friction_margin(k, x.t, values)
+        values = self.equations.evaluate(Z, self.frictions_at(times))
+        out = []
+        for k, body in self.cars.items():
+            loads = values.forces_on_cars[:, k, 6 : 6 + body.contacts].real
+            if body.car.rail is not None:  # a car does not leave a shoe
+                loads = np.full_like(loads, np.inf)
+            out += [*loads.T]
+        out += [*self.min_tension_and_saddle_pressures(values)]
+        with np.errstate(all="ignore"):  # contacts that meet
+            out += [self._friction_margin(k, times, values) for k in self.watched.stops]
         all_held = bool(self.free_cars) and all(self._sticks(k) for k in self.free_cars)
-        yield self.line.time_at_rest(max(self.held_since.values()), x.phase) - x.t if all_held else math.inf
+        rest = self.line.time_at_rest(max(self.held_since.values()), phase) if all_held else math.inf
+        return [*out, rest - np.array(times)]
 
-    def min_tension_and_saddle_pressures(self, values: LineValues) -> list[float]:
-        """The smallest mean of tensions over a shortest wave, and the force of the rope down on each saddle [N].
+    def min_tension_and_saddle_pressures(self, values: LineValues) -> Array:
+        """The smallest mean of tensions over a shortest wave, and the force of the rope down on each saddle (., n) [N].
 
         EA multiplies the error of a strain: at a point a coarse sum of sines may be compressed where the rope is taut.
         """
-        x = values.contact_values[-1].real
-        pressures = (x[:, 3] - x[:, 1])[self.watched.saddles].tolist()
-        means = values.N[-1, self.layout.outer] @ self.layout.means.T  # (S, P)
-        return [float(means.min()), *pressures]
+        x = values.contact_values.real
+        pressures = (x[..., 3] - x[..., 1])[:, self.watched.saddles]
+        means = values.N[:, self.layout.outer] @ self.layout.means.T  # (n, S, P)
+        return np.stack([means.min(axis=(1, 2)), *pressures.T])
 
     def apply_event(self, name: str, x: State) -> State | None:
         """The state after a car stops, breaks loose or reaches a brake; None: other events end the run."""

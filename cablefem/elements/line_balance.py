@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -39,8 +38,7 @@ class RopeAndCars(NamedTuple):
     cars: CarLoadsAndMasses
 
 
-@dataclass(frozen=True, slots=True)
-class CoordinateSolve:
+class CoordinateSolve(NamedTuple):
     """The solution for some of the coordinates."""
 
     factors: Solve  # of all
@@ -227,7 +225,8 @@ class LineBalance(LineCoordinates):
         x = self.coordinates_from_unknowns(t, q, v, a, phase)
         rope_and_cars = RopeAndCars(self.law, self.car_loads_and_masses(t, phase))
         factors = self._factorise(x, rope_and_cars, cs, self.moving)
-        return [CoordinateSolve(one, self.size, self._unknown) for one in factors]
+        solves: list[Any] = [CoordinateSolve(one, self.size, self._unknown) for one in factors]
+        return solves
 
     @property
     def moving(self) -> Mask:
@@ -239,7 +238,8 @@ class LineBalance(LineCoordinates):
     def tangent_solver(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: Mask) -> Solve:
         """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free coordinates; without c2 forces F/M count once."""
         (factors,) = self._factorise(x, rope_and_cars, [c], free)
-        return CoordinateSolve(factors, self.size, np.flatnonzero(free))
+        solve: Any = CoordinateSolve(factors, self.size, np.flatnonzero(free))
+        return solve
 
     def _factorise(
         self, x: Coordinates, rope_and_cars: RopeAndCars, cs: Sequence[TangentFactors], free: Mask

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,15 +15,12 @@ from cablefem.elements.line_observe import observe_line
 from cablefem.motion import LineMotion
 from cablefem.newmark import (
     Array,
-    Newton,
+    MarchingSystem,
     State,
     StepFailure,
-    StepResult,
-    Steps,
-    Tableau,
+    StepsWithFactors,
     consistent_acceleration,
 )
-from cablefem.newmark.collocation import SAME_STEP
 from cablefem.scene.contacts import (
     AT_REST,
     NEAREST,
@@ -36,11 +33,10 @@ from cablefem.scene.contacts import (
 )
 from cablefem.shoes import Passage, car_may_pass_saddle, possible_passages
 
-STEPS_AT_ONCE = 16  # those beyond an event are lost
 SHIFT = 1e-4  # [s] for velocities through states of rest
 
 
-class LineElements(LineBalance):
+class LineElements(LineBalance, MarchingSystem):
     """A rope over contacts with cars; `elements` of `degree` on each segment.
 
     compiled : loops of `segment_kernels` in the place of numpy.
@@ -49,13 +45,10 @@ class LineElements(LineBalance):
     The run goes on after "CAR brakes" and "CAR stops", where friction may hold it until "CAR breaks loose".
     """
 
-    reuses_factors = True
-
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
         super().__init__(line, elements, degree, compiled)
+        MarchingSystem.__init__(self)
         self.many_steps = compiled and not line.cars_off_rope
-        # a and events' values by t, of the last states
-        self._known_values: dict[float, tuple[Array, tuple[float, ...]]] = {}
         self._set_event_watchers()
         self.events = tuple(self._event_names())
 
@@ -234,78 +227,20 @@ class LineElements(LineBalance):
         return largest - np.abs(self._holding_force(i, z, rows))
 
     # --- steps ---------------------------------------------------------------------------------------------
-    def collocate_steps(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
-        """Take steps, with the factors of a step before as long as they serve."""
-        if not self.many_steps:
-            yield from super().collocate_steps(phase, steps, rule, newton)
-            return
-        k = 0
-        while k < len(steps.a):
-            q, v = steps.ends[k]
-            self.begin_step(State(steps.t.item(k), q, v, steps.a[max(k - 1, 0), -1], phase))
-            taken, results = self._take_steps_with_factors(phase, steps.section(k, len(steps.a)), rule, newton)
-            yield from results[:taken]
-            k += taken
-            if self.factors is None and k < len(steps.a):
-                yield from super().collocate_steps(phase, steps.section(k, k + 1), rule, newton)
-                k += 1
-                if k < len(steps.a):
-                    steps.a[k] = steps.extrapolation[k] @ steps.a[k - 1]
+    def take_steps_with_factors(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
+        cars = self.car_loads_and_masses(node_times, phase)
+        prescribed = self.prescribed_coordinates(node_times, phase)
+        return self._kernel.take_steps_with_factors(self.law, cars, self._unknown, self.moving, prescribed, march)
 
-    def _take_steps_with_factors(
-        self, phase: int, steps: Steps, rule: Tableau, newton: Newton
-    ) -> tuple[int, list[StepResult]]:
-        """Take steps with the factors of a step before; return how many converged, and the results of all tried.
-
-        The next step has its guess, or corrections of it; factors that do not serve it are forgotten.
-        """
-        dt = np.diff(steps.t[: STEPS_AT_ONCE + 1])
-        count = 0
-        if self.factors is not None:
-            same = np.abs(dt - self.factors.dt) <= SAME_STEP * dt
-            count = int(np.argmin(np.append(same, False)))
-        if self.factors is None or count == 0:
-            self.factors = None
-            return 0, []
-        solves: list[Any] = self.factors.solves
-        nodes = rule.node_times(steps.t[: count + 1])
-        cars = self.car_loads_and_masses(nodes, phase)
-        prescribed = self.prescribed_coordinates(nodes, phase)
-        factors = [solve.factors for solve in solves]
-        taken, results = self._kernel.take_steps_with_factors(
-            self.law, cars, self._unknown, self.moving, factors, steps, prescribed, rule, newton
-        )
-        if taken < count or not results[-1, 4]:
-            self.factors = None
-        with_these_brakes = self._count_ends_with_present_brakes(steps.ends[1 : taken + 1, 0])
-        if with_these_brakes < taken:
-            taken = with_these_brakes
-            steps.a[taken] = steps.extrapolation[taken] @ steps.a[taken - 1]
-        q, v = steps.ends[1 : taken + 1].swapaxes(0, 1)
-        t = steps.t[1 : taken + 1]
-        a = steps.a[:taken, -1]
-        values = self._event_values_at(t, q, v, a, phase)
-        self._known_values = dict(zip(t.tolist(), zip(a, map(tuple, values.tolist()), strict=True), strict=True))
-        return taken, [StepResult(*row) for row in results.tolist()]
-
-    def _count_ends_with_present_brakes(self, q: Array) -> int:
-        """How many of the ends of steps (n, n_dof) come up to the first one from which other brakes act."""
+    def count_ends_before_change(self, q: Array) -> int:
+        """Up to the first one from which other brakes act."""
         others = np.zeros(len(q), bool)
         for i in self._stops:
             others |= self.line.cars_on_rope[i].drive.brake_force(q[:, self._travel_unknown(i)]) != self.brakes[i]
         return int(np.argmax(others)) + 1 if others.any() else len(q)
 
     # --- events --------------------------------------------------------------------------------------------
-    def event_values(self, x: State) -> tuple[float, ...]:
-        known = self._known_values.get(x.t)
-        if known is None or not np.array_equal(known[0], x.a):
-            t, q, v, a, phase = x
-            known = a, tuple(self._event_values_at(t, q, v, a, phase).tolist())
-            self._known_values = {t: known}
-        return known[1]
-
-    def _event_values_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
-        """Values (..., events) at t (...); the others (..., n_dof)."""
+    def event_values_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
         z = self.coordinates_from_unknowns(t, q, v, a, phase)
         gaps = np.diff(z.q[..., self.s])[..., self._gaps] - NEAREST
         ahead = [z.v[..., self.slot_of_s(i)] * self.signs[i] for i in self._stops]

@@ -4,6 +4,7 @@ from cablefem.newmark.collocation import collocate_first_step
 from cablefem.newmark.equilibrium import quasi_static_start
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure, StepUnderflow
 from cablefem.newmark.march import integrate, integrate_blocks
+from cablefem.newmark.marching import MarchingSystem, StepsWithFactors
 from cablefem.newmark.newton import Newton, StepResult
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
 from cablefem.newmark.states import Array, Collocated, Inside, State, StateBlock, StateHistory, Steps, stack_states

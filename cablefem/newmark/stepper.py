@@ -56,7 +56,7 @@ class Stepper:
         self.work.residuals += residuals
 
     def count_result(self, result: StepResult) -> None:
-        self.count_work(result.iterations, result.factorisations, result.residuals)
+        self.count_work(int(result.iterations), int(result.factorisations), int(result.residuals))
 
     def newton_stalled_error(self, t1: float, result: StepResult) -> NewtonStalled:
         return NewtonStalled(

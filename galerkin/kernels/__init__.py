@@ -33,6 +33,7 @@ from galerkin.kernels.line import (
     set_dependent_coordinates,
 )
 from galerkin.kernels.line_derivatives import evaluate_line_and_set_derivatives
+from galerkin.kernels.line_march import LineInSteps, take_steps_with_factors
 from galerkin.kernels.rolling import MIN_TENSION
 from galerkin.kernels.steps import (
     StepsTaken,

@@ -240,20 +240,18 @@ def evaluate_line(line: Line, Z: Any, frictions: Any) -> LineValues:
 
 
 @compiled
-def evaluate_unknowns(line: Line, prescribed: Any, q: Any, v: Any, a: Any, frictions: Any) -> LineValues:
-    """`evaluate_line` with the unknowns q, v, a (n, size); prescribed (3, n, coordinates): all others.
+def evaluate_unknowns(line: Line, prescribed: Any, x: Any, frictions: Any) -> LineValues:
+    """`evaluate_line` with the unknowns q, v, a in x (n, 3, size); prescribed (3, n, coordinates): all others.
 
     NaN if contacts pass each other along the rope; a search for rest may pass through such coordinates.
     """
     Z = prescribed.copy()
-    for i in range(q.shape[0]):
-        for j in range(line.free.size):
-            at = line.free[j]
-            Z[0, i, at] = q[i, j]
-            Z[1, i, at] = v[i, j]
-            Z[2, i, at] = a[i, j]
+    for i in range(x.shape[0]):
+        for order in range(3):
+            for j in range(line.free.size):
+                Z[order, i, line.free[j]] = x[i, order, j]
     set_dependent_coordinates(line.at, Z)
-    for i in range(q.shape[0]):
+    for i in range(x.shape[0]):
         for k in range(line.at.s.size - 1):
             if not Z[0, i, line.at.s[k + 1]] > Z[0, i, line.at.s[k]]:
                 return allocate_values(line, Z)

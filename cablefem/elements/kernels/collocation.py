@@ -21,6 +21,7 @@ from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve_
 from cablefem.elements.kernels.car import CarOnMesh, is_before_event
 from cablefem.elements.kernels.newton import NO_TANGENT, assemble_balance
 from cablefem.newmark import Array, Newton, Tableau
+from cablefem.newmark.compiled_collocation import set_end_state, set_node_state, set_weighted_sums
 
 SAME_STEP = 1e-6  # relative change of the step with kept factors
 FAST_ENOUGH = 0.03  # rate of convergence with kept factors
@@ -185,57 +186,6 @@ def set_states_and_residuals_return_norm(
             square += r[j] * r[j]
     result[3] += 1
     return math.sqrt(square)
-
-
-@inner
-def set_node_state(step: Step, i: int, x: Array) -> None:
-    """Set the state x at a node: q = q0 + c dt v0 + dt^2 (A A a), v = v0 + dt A a."""
-    q0 = step.start[0]
-    v0 = step.start[1]
-    dt = step.dt
-    q = x[0]
-    v = x[1]
-    a = x[2]
-    for j in range(a.size):
-        v[j] = v0[j]
-        a[j] = step.a[i, j]
-        q[j] = q0[j] + dt * step.rule.c[i] * v0[j]
-    for k in range(step.a.shape[0]):
-        of = step.a[k]
-        once = dt * step.rule.A[i, k]
-        twice = dt * dt * step.rule.AA[i, k]
-        for j in range(a.size):
-            v[j] += once * of[j]
-            q[j] += twice * of[j]
-
-
-@inner
-def set_end_state(step: Step, end: Array) -> None:
-    """Set q and v at the end of a step, from the accelerations of its nodes."""
-    q0 = step.start[0]
-    v0 = step.start[1]
-    dt = step.dt
-    for j in range(q0.size):
-        twice = 0.0
-        once = 0.0
-        for i in range(step.a.shape[0]):
-            twice += step.rule.ends[0, i] * step.a[i, j]
-            once += step.rule.ends[1, i] * step.a[i, j]
-        end[0, j] = q0[j] + dt * (v0[j] + dt * twice)
-        end[1, j] = v0[j] + dt * once
-
-
-@inner
-def set_weighted_sums(weights: Array, vectors: Array, out: Array) -> None:
-    """Set out = weights @ vectors."""
-    out[:] = 0.0
-    for i in range(weights.shape[0]):
-        for k in range(weights.shape[1]):
-            x = vectors[k]
-            to = out[i]
-            w = weights[i, k]
-            for j in range(to.size):
-                to[j] += w * x[j]
 
 
 @inner

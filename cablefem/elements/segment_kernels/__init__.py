@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cablefem.elements.segment_kernels import balance, contacts, march
-from cablefem.newmark import Array, Newton, Steps, Tableau
+from cablefem.newmark import Array
+from cablefem.newmark.marching import StepsWithFactors
 
 if TYPE_CHECKING:
     from cablefem.elements.bodies import CarLoadsAndMasses
-    from cablefem.elements.bordered import BandFactors
     from cablefem.elements.line_balance import LineBalance, RopeAndCars
 
 TROLLEY_DATA = ("thrust", "brake", "hold", "sign", "rear_brake")  # columns of `contacts.Trolleys.data`
@@ -101,24 +101,15 @@ class Kernel:
         balance.add_rope_tangents(line, balance.Coordinates(*x), factors, balance.Bands(*matrices))
 
     def take_steps_with_factors(
-        self, law: Array, cars: CarLoadsAndMasses, slots: Any, moving: Any, factors: Sequence[BandFactors],
-        steps: Steps, prescribed: Array, rule: Tableau, newton: Newton,
-    ) -> tuple[int, Array]:  # fmt: skip
-        """Take m steps with the factors of a step before; return how many converged, and the results of all tried.
+        self, law: Array, cars: CarLoadsAndMasses, slots: Any, moving: Any, prescribed: Array, steps: StepsWithFactors
+    ) -> int:
+        """See `newmark.MarchingSystem`.
 
         cars : at all nodes of all steps;  prescribed : coordinates with rates there (3, m, s, size).
-        slots, moving : see `march.March`.
+        slots, moving : see `compiled_collocation.March`.
         """
         on_one, trolleys = self._car_data(cars)
         line = balance.Line(self.mesh, self.rope, law, on_one)
         whole = contacts.Contacts(line, self.supports, trolleys, self.rails, self.force_rows)
-        results = np.zeros((prescribed.shape[1], 5))
-        kernel_steps = march.Steps(*steps, prescribed, results)
-        modes: list[march.Mode] = []
-        for vectors in zip(rule.to_modes, rule.from_modes.T, strict=True):
-            of_mode = factors[len(modes)]
-            part = np.array if np.iscomplexobj(of_mode.band) else np.real  # real for a real eigenvalue
-            weights, shares = (part(x).copy() for x in vectors)
-            modes.append(march.Mode(weights, shares, of_mode))
-        taken = march.take_steps_with_factors(whole, slots, moving, tuple(modes), kernel_steps, rule, newton)
-        return taken, results[: taken + 1]
+        system = march.System(whole, slots, np.ascontiguousarray(np.moveaxis(prescribed, 0, 2)))
+        return int(march.take_steps_with_factors(system, moving, steps))

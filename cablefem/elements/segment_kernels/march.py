@@ -1,195 +1,54 @@
-"""Compiled collocation steps of a line with the factors of a step before, see `newmark.newton.find_root`."""
+"""Compiled collocation steps of a line with the factors of a step before, see `newmark.compiled_collocation`."""
 
 from __future__ import annotations
 
-import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import literal_unroll
 from numpy.typing import NDArray
 
 from cablefem.elements.bordered import BandFactors
 from cablefem.elements.kernels.banded import solve_factored_band_in_place
-from cablefem.elements.kernels.collocation import set_end_state, set_node_state, set_weighted_sums
 from cablefem.elements.segment_kernels.balance import compiled, inner
 from cablefem.elements.segment_kernels.contacts import Contacts, Slots, set_dependent_coordinates, set_rows_and_loads
-from cablefem.newmark import Array, Newton, Tableau
+from cablefem.newmark import Array
+from cablefem.newmark.compiled_collocation import take_steps
+from cablefem.newmark.marching import StepsWithFactors
 
-Mask = NDArray[np.bool_]
-
-
-class Mode(NamedTuple):
-    """An eigenvector of the rule with the factors of its tangent, real or complex."""
-
-    weights: Array  # (s,) see `Tableau.to_modes`
-    shares: Array  # (s,) see `Tableau.from_modes`
-    factors: BandFactors
+if TYPE_CHECKING:
+    from cablefem.elements.line_balance import CoordinateSolve
 
 
-class Steps(NamedTuple):
-    """See `cablefem.newmark.Steps`."""
-
-    t: Array  # (m + 1,)
-    ends: Array  # (m + 1, 2, n_dof)
-    a: Array  # (m, s, n_dof)
-    extrapolation: Array  # (m, s, s)
-    prescribed: Array  # (3, m, s, size) coordinates with rates
-    results: Array  # (m, 5) output: see `newmark.StepResult`
-
-
-class Step(NamedTuple):
-    """See `kernels.collocation.Step`."""
-
-    start: Array  # (2, n_dof)
-    dt: float
-    a: Array  # (s, n_dof)
-    rule: Tableau
-
-
-class Workspace(NamedTuple):
-    """Of the nodes of a step."""
-
-    z: Array  # (3, size)
-    loads: Array  # (cars + 1,)
-    x: Array  # (3, n_dof)
-    r: Array  # (s, size) residuals
-    da: Array  # (s, size) corrections
-
-
-class March(NamedTuple):
+class System(NamedTuple):
     line: Contacts
     slots: Slots  # of unknowns (n_dof,)
-    moving: Mask  # (size,) whether a slot is one of those, and of no car that sticks
-    modes: Any  # tuple of `Mode`
-    steps: Steps
-    rule: Tableau
-    newton: Newton
-    space: Workspace
+    prescribed: Array  # (m, s, 3, size) coordinates with rates at the nodes of steps
 
 
 @compiled
-def take_steps_with_factors(
-    line: Contacts, slots: Slots, moving: Mask, modes: tuple[Mode, ...], steps: Steps, rule: Tableau, newton: Newton
-) -> int:
-    """Take as many steps as there are results while the factors serve; return how many have converged.
-
-    The step after these has its guess; one that has not converged keeps the corrections that helped.
-    """
-    nodes, n = steps.a.shape[1:]
-    size = moving.size
-    space = Workspace(
-        np.empty((3, size)),
-        np.empty(line.line.cars.contacts.size + 1),
-        np.empty((3, n)),
-        np.empty((nodes, size)),
-        np.empty((nodes, size)),
-    )
-    march = March(line, slots, moving, modes, steps, rule, newton, space)
-    for k in range(steps.results.shape[0]):
-        if not correct_until_converged(march, k):
-            return k
-        set_end_state(step_of(march, k), steps.ends[k + 1])
-        if k + 1 < steps.a.shape[0]:
-            set_weighted_sums(steps.extrapolation[k + 1], steps.a[k], steps.a[k + 1])
-        if steps.results[k, 4] == 0.0:
-            return k + 1
-    return steps.results.shape[0]
+def take_steps_with_factors(system: System, moving: NDArray[np.bool_], steps: StepsWithFactors) -> int:
+    """See `take_steps`; moving (size,): whether a slot is one of an unknown, and of no car that sticks."""
+    return take_steps(set_residuals, solve, system, system.slots, moving, steps)
 
 
 @inner
-def step_of(march: March, k: int) -> Step:
-    """Step number k."""
-    steps = march.steps
-    return Step(steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k], march.rule)
-
-
-@inner
-def correct_until_converged(march: March, k: int) -> bool:
-    """Set the accelerations of step k and its result; see `newmark.newton` for when factors serve no longer."""
-    newton = march.newton
-    norm = set_residuals_return_norm(march, k)
-    iterations = 0
-    converged = False
-    while iterations < newton.max_iter and not converged:
-        before = norm
-        set_corrections(march)
-        subtract_corrections(march, k, 1.0)
-        norm = set_residuals_return_norm(march, k)
-        iterations += 1
-        converged = norm <= newton.bound and norm <= newton.fast * max(before, newton.bound)
-        if converged:
-            set_corrections(march)
-            subtract_corrections(march, k, 1.0)
-        elif not norm < before:
-            subtract_corrections(march, k, -1.0)
-        if not norm <= newton.reuse * before:
-            break
-    result = march.steps.results[k]
-    result[0] = norm
-    result[1] = iterations
-    result[3] = iterations + 1
-    result[4] = 1.0 if norm <= newton.fast * before else 0.0
-    return converged
-
-
-@inner
-def set_residuals_return_norm(march: March, k: int) -> float:
-    """Set the residuals of all nodes of step k, 0 for what is no moving unknown; return their norm."""
-    x = march.space.x
-    z = march.space.z
-    step = step_of(march, k)
-    nodes = step.a.shape[0]
-    square = 0.0
+def set_residuals(system: System, k: int, x: Array, r: Array) -> None:
+    """Set the residuals r (s, size) of the nodes of step k from unknowns with their rates x (s, 3, n_dof)."""
+    nodes = r.shape[0]
+    loads = np.empty(system.line.line.cars.contacts.size + 1)
     for i in range(nodes):
-        set_node_state(step, i, x)
-        z[:] = march.steps.prescribed[:, k, i]
-        for j in range(x.shape[1]):
-            for row in range(3):
-                z[row, march.slots[j]] = x[row, j]
-        set_dependent_coordinates(march.line, z)
-        rows = march.space.r[i]
-        set_rows_and_loads(march.line, k * nodes + i, z, rows, march.space.loads)
-        for j in range(rows.size):
-            if not march.moving[j]:
-                rows[j] = 0.0
-            square += rows[j] * rows[j]
-    return math.sqrt(square)
+        z = system.prescribed[k, i].copy()
+        for row in range(3):
+            for j in range(x.shape[2]):
+                z[row, system.slots[j]] = x[i, row, j]
+        set_dependent_coordinates(system.line, z)
+        set_rows_and_loads(system.line, k * nodes + i, z, r[i], loads)
 
 
 @inner
-def set_corrections(march: March) -> None:
-    """Set the corrections of all nodes for their residuals."""
-    march.space.da[:] = 0.0
-    for mode in literal_unroll(march.modes):
-        add_correction_along(mode, march.space)
-
-
-@inner
-def add_correction_along(mode: Mode, space: Workspace) -> None:
-    """Add the corrections along an eigenvector."""
-    nodes, size = space.r.shape
-    along = np.empty(size, mode.weights.dtype)
-    for j in range(size):
-        x = 0.0 * mode.weights[0]
-        for i in range(nodes):
-            x += mode.weights[i] * space.r[i, j]
-        along[j] = x
-    solve_bordered_in_place(mode.factors, along)
-    for i in range(nodes):
-        for j in range(size):
-            space.da[i, j] += (mode.shares[i] * along[j]).real
-
-
-@inner
-def subtract_corrections(march: March, k: int, fraction: float) -> None:
-    """Subtract a fraction of the corrections from the accelerations of what moves in step k."""
-    slots = march.slots
-    a = march.steps.a[k]
-    for i in range(a.shape[0]):
-        for j in range(slots.size):
-            if march.moving[slots[j]]:
-                a[i, j] -= fraction * march.space.da[i, slots[j]]
+def solve(of_unknowns: CoordinateSolve, b: Array) -> None:
+    """Overwrite b (size,) with the solution for all coordinates."""
+    solve_bordered_in_place(of_unknowns.factors, b)
 
 
 @compiled

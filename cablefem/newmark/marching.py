@@ -1,0 +1,121 @@
+"""Systems that take steps with the factors of a step before at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cablefem.newmark.collocation import SAME_STEP
+from cablefem.newmark.newton import Newton, StepResult
+from cablefem.newmark.states import Array, State, Steps
+from cablefem.newmark.system import System
+from cablefem.newmark.tableau import Tableau
+
+STEPS_AT_ONCE = 16  # those beyond an event are lost
+
+
+class Mode(NamedTuple):
+    """An eigenvector of the rule with the factors of its tangent, real or complex."""
+
+    weights: Array  # (s,) see `Tableau.to_modes`
+    shares: Array  # (s,) see `Tableau.from_modes`
+    factors: Any
+
+
+def _mode(rule: Tableau, i: int, factors: Any) -> Mode:
+    """Mode i of a rule."""
+    part: Any = np.array if rule.eigenvalues[i].imag else np.real
+    return Mode(part(rule.to_modes[i]).copy(), part(rule.from_modes[:, i]).copy(), factors)
+
+
+class StepsWithFactors(NamedTuple):
+    """Steps to take with the factors of a step before, as many as there are results; see `compiled_collocation`."""
+
+    steps: Steps
+    results: Array  # (k, 5) to be set, of `StepResult`
+    modes: tuple[Mode, ...]
+    rule: Tableau
+    newton: Newton
+
+
+class MarchingSystem(System):
+    """A subclass defines the next three, and what `System` asks for."""
+
+    reuses_factors = True
+
+    def __init__(self) -> None:
+        # a and events' values by t, of the last states
+        self._known_values: dict[float, tuple[Array, tuple[float, ...]]] = {}
+
+    def take_steps_with_factors(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
+        """Take steps; return how many have converged.
+
+        The step after these has its guess, or corrections of it.
+        node_times : (k, s)
+        """
+        raise NotImplementedError
+
+    def count_ends_before_change(self, q: Array) -> int:
+        """How many of the ends of steps (n, n_dof) come up to the first one that `begin_step` changes the system at."""
+        return len(q)
+
+    def event_values_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
+        """`event_values` (..., events) at t (...); the others (..., n_dof)."""
+        raise NotImplementedError
+
+    def collocate_steps(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
+        """Take steps, with the factors of a step before as long as they serve."""
+        if not self.many_steps:
+            yield from super().collocate_steps(phase, steps, rule, newton)
+            return
+        k = 0
+        while k < len(steps.a):
+            q, v = steps.ends[k]
+            self.begin_step(State(steps.t.item(k), q, v, steps.a[max(k - 1, 0), -1], phase))
+            results = self._take_steps(phase, steps.section(k, len(steps.a)), rule, newton)
+            yield from results
+            k += len(results)
+            if self.factors is None and k < len(steps.a):
+                yield from super().collocate_steps(phase, steps.section(k, k + 1), rule, newton)
+                k += 1
+                if k < len(steps.a):
+                    steps.a[k] = steps.extrapolation[k] @ steps.a[k - 1]
+
+    def _take_steps(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> list[StepResult]:
+        """Take steps with the factors of a step before; factors that do not serve the next step are forgotten."""
+        factors = self.factors
+        self.factors = None
+        if factors is None:
+            return []
+        dt = np.diff(steps.t[: STEPS_AT_ONCE + 1])
+        same = np.abs(dt - factors.dt) <= SAME_STEP * dt
+        count = int(np.argmin(np.append(same, False)))
+        if count == 0:
+            return []
+        results = np.zeros((count, 5))
+        nodes = rule.node_times(steps.t[: count + 1])
+        modes = tuple(_mode(rule, i, solve) for i, solve in enumerate(factors.solves))
+        taken = self.take_steps_with_factors(phase, nodes, StepsWithFactors(steps, results, modes, rule, newton))
+        if taken == count and results[-1, 4]:
+            self.factors = factors
+        if taken == 0:
+            return []
+        unchanged = self.count_ends_before_change(steps.ends[1 : taken + 1, 0])
+        if unchanged < taken:
+            taken = unchanged
+            steps.a[taken] = steps.extrapolation[taken] @ steps.a[taken - 1]
+        q, v = steps.ends[1 : taken + 1].swapaxes(0, 1)
+        t = steps.t[1 : taken + 1]
+        a = steps.a[:taken, -1]
+        values = self.event_values_at(t, q, v, a, phase)
+        self._known_values = dict(zip(t.tolist(), zip(a, map(tuple, values.tolist()), strict=True), strict=True))
+        return [StepResult(*row) for row in results[:taken].tolist()]
+
+    def event_values(self, x: State) -> tuple[float, ...]:
+        known = self._known_values.get(x.t)
+        if known is None or not np.array_equal(known[0], x.a):
+            known = x.a, tuple(self.event_values_at(*x).tolist())
+            self._known_values = {x.t: known}
+        return known[1]
