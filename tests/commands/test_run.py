@@ -49,7 +49,9 @@ def test_run_without_bars_makes_one_run(cablefem):
     assert cablefem("run", "inclined", *QUICK, "--no-bars", "--out", "x")[0] == 0
     summary = json.loads(Path("x/following-p2/summary.json").read_text())
     assert summary["path_error"] is None
-    assert {row["bar"] for row in summary["design"]} == {None}
+    bars = {row["quantity"]: row["bar"] for row in summary["design"]}
+    assert bars.pop("speed_max") == 0.0  # of the timetable
+    assert set(bars.values()) == {None}
 
 
 def test_run_takes_model_load_and_law(cablefem):
@@ -144,7 +146,8 @@ def test_the_exit_code_of_a_run_says_whether_it_broke_before_the_slack_onset(
     assert Path("x/following-p2/path.csv").exists()  # what was computed is kept
     assert ("following-p2 broke with the car at" in err) == (code == 2)
     if changes:
-        assert "stalled" in out + err or "gains energy" in out or "slack" in out
+        reasons = ("stalled", "gains energy", "slack", "past what is compared")
+        assert any(reason in out + err for reason in reasons)
 
 
 def test_a_run_that_really_breaks_is_2(cablefem):

@@ -211,3 +211,31 @@ def test_a_run_that_ends_where_it_falls_slack_says_so(steps):
     said = outcome_of_run(steep, r)
     assert "goes slack" in said.sentence
     assert recomputed.recomputed_outcome_row(r, None, said.kind, said.sentence).verdict is Verdict.AGREE
+
+
+@pytest.mark.parametrize(
+    ("changes", "clause"),
+    [
+        ({"slack_onset": 0.96}, ""),  # a run that blows up beside the far support
+        ({"status": "incomplete", "reason": "Newton's method stalled", "slack_onset": 0.96}, "ends at"),
+        ({"status": "incomplete", "reason": "Newton's method stalled", "cause": "Newton stalled"}, "ends at"),
+        ({"slack_onset": 0.85}, "goes slack when the mass is at"),
+    ],
+)
+def test_what_happens_beside_the_far_support_is_no_outcome(changes, clause):
+    """No answer converges there: a car of 2 kN slackened a rope of 60 kN, or the outcome was that the run broke."""
+    scene = Scene(
+        cable={"mass_per_length": 2.0, "EA": 2e7, "horizontal_tension": 60e3}, supports={"span": 300.0, "drop": 30.0},
+        mass={"mass": 200.0}, travel={"kind": "constant_speed", "speed": 20.0},
+    )  # fmt: skip
+    r = run(scene, "fourier-kink", terms=10, steps=300)
+    assert (r.status, r.slack_onset) == ("complete", None)
+    r = dataclasses.replace(r, **changes)
+    end = outcome_of_run(scene, r)
+    crosses = f"crosses the cable in {scene.length / 20.0:.1f} s"
+    assert (end.kind, end.sentence[: len(crosses)]) == ("crossed", crosses)
+    assert clause in end.sentence
+    assert ("; " in end.sentence) is bool(clause)
+    assert recomputed.recomputed_outcome_row(r, None, *end).verdict is Verdict.AGREE
+    onsets = [row for row in design_numbers(r) if row["quantity"] == "slack_onset"]
+    assert bool(onsets) is (r.slack_onset == 0.85)

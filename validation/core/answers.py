@@ -12,7 +12,12 @@ from cablefem.scene import Scene
 from validation.core import limits
 from validation.core.clearances import rope_and_mass_at_frames
 from validation.core.design import axial_round_trip_time, design_numbers
-from validation.core.measures import last_time_valid_in_all, position_where_mass_outruns_waves
+from validation.core.measures import (
+    broke_in_compared_part,
+    is_slack_where_answers_hold,
+    last_time_valid_in_all,
+    position_where_mass_outruns_waves,
+)
 
 STATIONS = 201  # stations of profile.csv
 
@@ -110,7 +115,7 @@ def _hit_or_too_close_sentences(numbers: dict[str, dict[str, Any]]) -> list[str]
 
 def _end_of_motion(scene: Scene, r: Response) -> Outcome:
     """How the car's motion ends, free or prescribed."""
-    if r.status != "complete" and r.slack_onset is None:
+    if broke_in_compared_part(r):
         broke = f"the computation broke at {r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s: {r.reason}"
         return Outcome("incomplete", broke)
     end = _end_of_free_ride(scene, r) if r.drive == "free" else _end_of_prescribed_travel(scene, r)
@@ -136,13 +141,15 @@ def _end_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:
         sentence = f"stops at {last:.1f} m after {duration:.1f} s"
     elif r.drive == "haul":
         sentence = f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {duration:.1f} s"
+    if r.status != "complete" and not is_slack_where_answers_hold(r):
+        sentence += f"; the computation ends at {r.s_o[-1]:.1f} m, past what is compared"
     return Outcome(kind, sentence + _slack_or_slow_waves_clause(r))
 
 
 def _slack_or_slow_waves_clause(r: Response) -> str:
     """From where the cable is slack, or waves are slower than the mass, to be added to a sentence; "": nowhere."""
     steep = position_where_mass_outruns_waves(r)
-    if r.slack_onset is not None and r.slack_onset <= steep:
+    if r.slack_onset is not None and is_slack_where_answers_hold(r) and r.slack_onset <= steep:
         return f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
     if math.isfinite(steep):
         return f"; waves get slower than the mass when it is at {steep * r.length:.1f} m, no bar holds there"

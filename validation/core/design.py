@@ -23,6 +23,7 @@ from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.clearances import Clearances, Track, clearance_tracks, obstacle_and_ground_profiles
 from validation.core.ladder import Ladder, max_distance
 from validation.core.measures import (
+    is_slack_where_answers_hold,
     last_time_valid_in_all,
     position_where_mass_outruns_waves,
     time_means_between,
@@ -504,7 +505,7 @@ def _is_at_boundary(extreme: _Extreme, r: Response, time_span: tuple[float, floa
 
 def _slack_onset_number(r: Response, other: Response | None, ladder: Ladder | None) -> Number | None:
     """Where slack begins, if before waves are slower than the mass in either run: no bar holds from there on."""
-    if r.slack_onset is None:
+    if r.slack_onset is None or not is_slack_where_answers_hold(r):
         return None
     if r.slack_onset > min(position_where_mass_outruns_waves(x) for x in (r, other or r)):
         return None

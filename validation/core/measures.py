@@ -85,6 +85,13 @@ def position_where_mass_outruns_waves(r: MassPath) -> float:
     return min(onsets, default=math.inf)
 
 
+def broke_in_compared_part(r: Response) -> bool:
+    """Whether a run broke before slack and the end of the comparison."""
+    if r.status == "complete" or (r.slack_onset is not None and r.cause != "unstable"):
+        return False
+    return r.drive == "free" or r.reached < WINDOWS[r.drive][1]
+
+
 def last_time_valid_in_all(*runs: Response) -> float:
     """Time [s] up to which all runs have an answer: their first end, slack onset, or waves slower than the mass."""
     ends = [r.t[-1] for r in runs] + [r.slack_time_or_inf for r in runs]
@@ -107,6 +114,15 @@ def time_span_for_extremes(r: Response, other: Response | None) -> tuple[float, 
     low, high = np.interp(limits, r.s_o, r.t).tolist()
     begin = low if r.drive == "grip" else float(r.t[0])
     return begin, min(end, high)
+
+
+def is_slack_where_answers_hold(r: MassPath) -> bool:
+    """Whether the cable goes slack, of a prescribed travel before `SLACK_END`.
+
+    Next to the far support no run converges, and one that grows there beyond all bounds looks slack.
+    """
+    end = math.inf if r.drive == "free" else SLACK_END
+    return r.slack_onset is not None and r.slack_onset <= end
 
 
 def steps_in_window(r: MassPath, window: Window) -> NDArray[np.bool_]:

@@ -19,6 +19,8 @@ from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.evidence import Evidence, TimeWindows, cross_product, cumulative_integral
 from validation.core.measures import (
     JUMP_WIDTH,
+    SLACK_END,
+    broke_in_compared_part,
     last_time_valid_in_all,
     position_where_mass_outruns_waves,
     time_span_for_extremes,
@@ -353,7 +355,7 @@ def recomputed_outcome_row(r: Response, counterpart: Response | None, kind: str,
 
 def _expected_end_of_motion(r: Response, data: SceneData) -> ExpectedOutcome:
     """How the car's motion ends, after where it first lifts off."""
-    if r.status != "complete" and r.slack_onset is None:
+    if broke_in_compared_part(r):
         return ExpectedOutcome("incomplete", [float(r.s_o[-1]), float(r.t[-1])])
     free = r.drive == "free"
     end = _expected_outcome_of_free_ride(r, data.drive) if free else _expected_outcome_of_travel(r, data)
@@ -394,8 +396,14 @@ def _expected_outcome_of_travel(r: Response, data: SceneData) -> ExpectedOutcome
         end = data.drive.get("end", {}).get("place", 0.99 * r.length)
     last, duration = _travel_end_and_duration(data, r.length, start, end)
     # a law and a design number judge the onset itself; here its text is compared
-    onset = min(r.slack_onset_position_or_inf, position_where_mass_outruns_waves(r))  # s_o/l
+    onset = r.slack_onset_position_or_inf  # s_o/l
+    if onset > SLACK_END:
+        onset = math.inf
+    ended_past_comparison = r.status != "complete" and math.isinf(onset)
+    onset = min(onset, position_where_mass_outruns_waves(r))
     slack = [onset * r.length] if math.isfinite(onset) else []
+    if ended_past_comparison:
+        slack.insert(0, float(r.s_o[-1]))
     if last < 0.999 * end:
         return ExpectedOutcome("stopped", [last, duration, *slack])
     ends = [start, last] if hauled else []

@@ -9,7 +9,7 @@ from cablefem.scene.line import Line
 from validation.core import limits as judge
 from validation.core.agreement import Agreement
 from validation.core.answers import averaging_time_sentence, crosswind_scope_text, outcome_of_run
-from validation.core.measures import WINDOWS
+from validation.core.measures import broke_in_compared_part
 from validation.core.methods import find_method
 from validation.core.quantities import design_row_texts, key_numbers, limit_row_texts, text_with_bar
 from validation.page import terminal
@@ -115,13 +115,6 @@ def _nondefault_settings_and_options(r: Response) -> list[str]:
 
 def print_broken_runs(*runs: Response) -> Literal[0, 2]:
     """Print which runs broke before slack and the end of the comparison; the exit code is 2 if there is one, else 0."""
-    broken = [r for r in runs if _broke_in_compared_part(r)]
+    broken = [r for r in runs if broke_in_compared_part(r)]
     terminal.print_faults([f"{r.method} broke with the car at {r.s_o[-1]:.1f} m: {r.reason}" for r in broken])
     return 2 if broken else 0
-
-
-def _broke_in_compared_part(r: Response) -> bool:
-    """Whether a run broke before slack and the end of the comparison."""
-    if r.status == "complete" or (r.slack_onset is not None and r.cause != "unstable"):
-        return False
-    return r.drive == "free" or r.reached < WINDOWS[r.drive][1]
