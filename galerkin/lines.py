@@ -10,28 +10,27 @@ from typing import Any
 
 import numpy as np
 
+from cablefem.line_in_motion import LineInMotion
 from cablefem.motion import LineMotion
 from cablefem.newmark import (
     ACCELERATION_ONLY,
-    MarchingSystem,
     Solve,
     State,
     StepFailure,
     StepsWithFactors,
     TangentFactors,
 )
-from cablefem.scene.contacts import NEAREST, Array, Contact, MovingLine
+from cablefem.scene.contacts import Array, Contact, MovingLine
+from cablefem.shoes import Passage
 from galerkin import kernels
-from galerkin.bodies import CarBody, Friction
+from galerkin.bodies import CarBody, Friction, Saddle
 from galerkin.kernels import LineValues
 from galerkin.line_equations import LineEquations, body_at_contact
-from galerkin.line_events import WatchedEvents
 from galerkin.line_observe import observe
 from galerkin.line_off_rope import CarOffRope
 from galerkin.line_rest import chord_lengths, coordinates_at_rest
 from galerkin.segments import Layout
 
-TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
 CACHED_INSTANTS = 8  # whose prescribed coordinates are kept: a step's nodes are evaluated several times
 NUDGE = 1e-4  # [s] for the velocity of a line that starts in motion
 REAR_BRAKE = Friction._fields.index("rear_brake")
@@ -39,11 +38,10 @@ SIGN = Friction._fields.index("sign")
 HOLD = Friction._fields.index("hold")
 
 
-class LineSines(MarchingSystem):
+class LineSines(LineInMotion):
     """A line in motion, in SI.  The acceleration of a hauled car's last unknown is the haul force."""
 
     def __init__(self, line: MovingLine, terms: int) -> None:
-        super().__init__()
         self.line = line
         self.layout = Layout(line, terms)
         self.phases = line.phases
@@ -63,8 +61,8 @@ class LineSines(MarchingSystem):
         self.reached = np.zeros(len(bodies))  # s of the cars where their brakes were set
         self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
         self.held_since = dict.fromkeys(self.free_cars, 0.0)  # [s] when friction stopped them last
-        self.watched = WatchedEvents(line, bodies, self.cars)
-        self.events = self.watched.names
+        self.watch({k: body.car for k, body in self.cars.items()})
+        self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
         self.off_rope = self._cars_off_rope()
         self._acting_off_rope = [car for car in self.off_rope.values() if car.acts_in_rows]
         self.many_steps = not self._acting_off_rope
@@ -145,7 +143,7 @@ class LineSines(MarchingSystem):
         )
         for car in self._acting_off_rope:
             car.complete_residuals(car.contact_state(t, values.Z, phase), values.r)
-        for row in self._sticking_rows:
+        for row in self.sticking_unknowns:
             values.r[:, row] = 0.0
         return values.r
 
@@ -168,16 +166,8 @@ class LineSines(MarchingSystem):
             frictions=self.frictions_at(times).reshape(*node_times.shape, *self.frictions.shape),
         )
         moving = np.ones(self.n_dof, bool)
-        moving[self._sticking_rows] = False
+        moving[self.sticking_unknowns] = False
         return int(kernels.take_steps_with_factors(line, moving, march))
-
-    def count_ends_before_change(self, q: Array) -> int:
-        """Up to the first one from which other brakes act."""
-        others = np.zeros(len(q), bool)
-        for k in self.watched.stops:
-            s = q[:, self._row_of_travel(k)]
-            others |= self.cars[k].car.drive.brake_force(s) != self.frictions[k, REAR_BRAKE:SIGN].sum()
-        return int(np.argmax(others)) + 1 if others.any() else len(q)
 
     def _residual_and_derivatives(self, x: State) -> tuple[Array, Array]:
         """The residual, and its derivatives (3, n_dof, n_dof) by q, v, a."""
@@ -188,7 +178,7 @@ class LineSines(MarchingSystem):
             car.complete_residuals(state, values.r)
             car.complete_derivatives(state, K)
         r = values.r[0]
-        for row in self._sticking_rows:  # s.. = 0, exactly: its column has no part in the rest
+        for row in self.sticking_unknowns:  # s.. = 0, exactly: its column has no part in the rest
             r[row] = 0.0
             K[:, row] = K[:, :, row] = 0.0
             K[2, row, row] = 1.0
@@ -241,18 +231,13 @@ class LineSines(MarchingSystem):
         """The motion at all states and at the stations s (m,)."""
         return observe(self, states, s)
 
-    def car_point_and_rates(self, name: str, x: State) -> Array:
-        """Point of a car on one contact, or off the rope, with its rates (3, 2)."""
-        Z = self.coordinates_with_rates(x)[:, None]
-        return self._car_points_and_rates(name, np.array([x.t]), Z, x.phase)[:, 0]
-
-    def _car_points_and_rates(self, name: str, t: Array, Z: Array, phase: int) -> Array:
-        """The same (3, n, 2) at the times t (n,), with the coordinates Z."""
+    def car_points_and_rates(self, name: str, t: Any, coordinates: Array, phase: int) -> Array:
+        shape = np.shape(t)
         for k, body in self.cars.items():
             if body.car.name == name:
-                return Z[..., self.layout.moving[k, :2]]
-        at = self.off_rope[name].contact_state(t, Z, phase)
-        return np.stack([at.p, at.dp, at.ddp])
+                return coordinates[..., self.layout.moving[k, :2]].reshape(3, *shape, 2)
+        at = self.off_rope[name].contact_state(np.ravel(t), coordinates, phase)
+        return np.stack([at.p, at.dp, at.ddp]).reshape(3, *shape, 2)
 
     # --- friction: a car is named by its contact k, of two wheels the rear one ----------------------------------------
     def set_travel_directions(self, phase: int) -> None:
@@ -261,24 +246,17 @@ class LineSines(MarchingSystem):
             if body.car.travel is not None and body.car.rail is None:
                 self.frictions[k] = Friction(body.car.drive.mu_r, sign=self.line.travel_direction(body.car, phase))
 
-    def begin_step(self, x: State) -> None:
-        """Keep the direction of friction, and the brakes that act, for one step."""
-        for k in self.watched.stops:
-            row = self._row_of_travel(k)
-            ds = x.v.item(row)
-            sign = float(np.sign(ds)) if abs(ds) > TURNING else self.frictions[k, SIGN]
-            if self.cars[k].car.rail is None:
-                self._set_friction(k, x.q.item(row), sign)
+    def slip_sign(self, i: int) -> float:
+        return float(self.frictions[i, SIGN])
 
-    def _set_friction(self, k: int, s: float, sign: float) -> None:
-        """Set friction and brakes of a car at s against a motion of this sign; 0: they hold it."""
-        body = self.cars[k]
+    def set_friction(self, i: int, s: float, sign: float) -> None:
+        body = self.cars[i]
         *rear, last = body.brake_forces_of_wheels(s).tolist()
         friction = Friction(body.car.drive.mu_r, sum(rear), last, sign)
-        self.reached[k] = s
-        if Friction(*self.frictions[k]) != friction:
-            self.frictions[k] = friction
-            self._known_values = {}
+        self.reached[i] = s
+        if Friction(*self.frictions[i]) != friction:
+            self.frictions[i] = friction
+            self._known_values = None
 
     def _set_release_friction_or_raise(self, k: int, Z: Array, values: LineValues) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
@@ -290,24 +268,18 @@ class LineSines(MarchingSystem):
         self.holds[k] = float(body.tangential_force_on_last_wheel(state)) / cos_phi
         needed = self.holds[k] - thrust / cos_phi
         s = float(Z[0, self.layout.s[self.travel_contact[k]]])
-        self._set_friction(k, s, -float(np.sign(needed)))
+        self.set_friction(k, s, -float(np.sign(needed)))
         available = body.max_friction_plus_brake_force(state, Friction(*self.frictions[k]))
         if drive.has_friction_or_brakes and abs(needed) <= available:
             raise StepFailure(0.0, f"friction or brakes hold {body.car.name} where it begins", "begin on steeper rope")
 
-    def _sticks(self, k: int) -> bool:
-        """Whether friction holds a car."""
-        return self.frictions[k, SIGN] == 0.0
-
-    @property
-    def _sticking_rows(self) -> list[int]:
-        """Rows of s of the cars that friction holds."""
-        return [self._row_of_travel(k) for k in self.watched.stops if self._sticks(k)]
-
-    def _row_of_travel(self, k: int) -> int:
-        """Row of s of a free car."""
-        coordinate = self.layout.s[self.travel_contact[k]]
+    def travel_unknown(self, i: int) -> int:
+        coordinate = self.layout.s[self.travel_contact[i]]
         return int(np.flatnonzero(self.equations.free == coordinate)[0])
+
+    def holding_force(self, i: int, x: State) -> float:
+        values = self.equations.evaluate(self.coordinates_with_rates(x)[:, None], self.frictions[None])
+        return self._needed_friction(i, (x.t,), values).item()
 
     def _needed_friction(self, k: int, times: tuple[float, ...], values: LineValues) -> Array:
         """Force (n,) [N] along the rope that friction and brakes give a car which sticks, at its last wheel."""
@@ -317,76 +289,29 @@ class LineSines(MarchingSystem):
 
     def _friction_margin(self, k: int, times: tuple[float, ...], values: LineValues) -> Array:
         """What friction and brakes could give a car which sticks, less what they give (n,) [N]; inf while it slips."""
-        if not self._sticks(k):
+        if not self.sticks(k):
             return np.full(len(times), np.inf)
         state = self.equations.contact_state(values.contact_values, k)
         available = self.cars[k].max_friction_plus_brake_force(state, Friction(*self.frictions[k]))
         return available - np.abs(self._needed_friction(k, times, values))
 
-    def _stick_or_slip_from_rest(self, k: int, x: State) -> State:
-        """The state after a standstill: friction holds the car, or it slips."""
-        self.held_since[k] = x.t
-        held = self._set_slip_return_state(k, x, 0.0)
-        margin = self._friction_margin(k, (held.t,), self._values_at(held))
-        return held if margin > 0.0 else self._start_slipping(k, held)
-
-    def _start_slipping(self, k: int, x: State) -> State:
-        """The state in which a car that sticks gives way to what pulls it."""
-        pulled = -self._needed_friction(k, (x.t,), self._values_at(x)).item()
-        return self._set_slip_return_state(k, x, math.copysign(1.0, pulled))
-
-    def _set_slip_return_state(self, k: int, x: State, slip_sign: float) -> State:
-        """Set friction against a slip of this sign, for 0 the car sticks; return the state with the car at rest."""
-        row = self._row_of_travel(k)
-        self._set_friction(k, float(x.q[row]), slip_sign)
-        v = x.v.copy()
-        a = x.a.copy()
-        v[row] = slip_sign * 1e-12  # [m/s] not 0, else its next standstill is no event
-        a[row] = 0.0
-        return self.with_acceleration(x._replace(v=v, a=a))
-
-    def _values_at(self, x: State) -> LineValues:
-        """What acts in a state."""
-        return self.equations.evaluate(self.coordinates_with_rates(x)[:, None], self.frictions[None])
-
     # --- events ------------------------------------------------------------------------------------------------------
-    def event_values_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
-        watched = self.watched
-        shape = np.shape(t)
-        t = np.ravel(t)
-        times = tuple(t.tolist())
-        Z = self._coordinates(times, q, v, a, phase)
-        s, ds = Z[:2][..., self.layout.s]  # (n, contacts)
-        gaps = np.diff(s)[:, watched.gaps] - NEAREST
-        in_order = gaps.min(axis=1, initial=1.0) > 0.0
-        never = np.full(t.size, np.inf)
-        values = [*gaps.T]
-        for k in watched.stops:
-            values.append(never if self._sticks(k) else ds[:, self.travel_contact[k]] * self.frictions[k, SIGN])
-        for k, position in watched.brakes:
-            to_brake = position - s[:, self.travel_contact[k]]
-            values.append(to_brake if position > self.reached[k] else never)
-        values += [np.where(in_order, x, np.inf) for x in self._force_event_values(times, Z, phase)]
-        for passage in watched.passages:
-            x, dx = self._car_points_and_rates(passage.car, t, Z, phase)[:2, :, 0].tolist()
-            values.append(np.array([*map(passage.distance_to_go, x, dx)]))
-        return np.stack(values, axis=1).reshape(*shape, -1)
+    def coordinates_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
+        return self._coordinates(tuple(np.ravel(t).tolist()), q, v, a, phase)
 
-    def _force_event_values(self, times: tuple[float, ...], Z: Array, phase: int) -> list[Array]:
-        """Loads of wheels, tension of the rope, pressures on saddles, margins of friction [N]; time until rest [s]."""
-        values = self.equations.evaluate(Z, self.frictions_at(times))
-        out = []
+    def contact_positions_and_forces(self, t: Any, coordinates: Array, phase: int) -> tuple[Array, list[Array]]:
+        times = tuple(np.ravel(t).tolist())
+        values = self.equations.evaluate(coordinates, self.frictions_at(times))
+        forces = []
         for k, body in self.cars.items():
             loads = values.forces_on_cars[:, k, 6 : 6 + body.contacts].real
             if body.car.rail is not None:  # a car does not leave a shoe
                 loads = np.full_like(loads, np.inf)
-            out += [*loads.T]
-        out += [*self.min_tension_and_saddle_pressures(values)]
-        with np.errstate(all="ignore"):  # contacts that meet
-            out += [self._friction_margin(k, times, values) for k in self.watched.stops]
-        all_held = bool(self.free_cars) and all(self._sticks(k) for k in self.free_cars)
-        rest = self.line.time_at_rest(max(self.held_since.values()), phase) if all_held else math.inf
-        return [*out, rest - np.array(times)]
+            forces += [*loads.T]
+        forces += [*self.min_tension_and_saddle_pressures(values)]
+        forces += [self._friction_margin(k, times, values) for k in self.stops]
+        shape = np.shape(t)
+        return coordinates[0, :, self.layout.s].T.reshape(*shape, -1), [x.reshape(shape) for x in forces]
 
     def min_tension_and_saddle_pressures(self, values: LineValues) -> Array:
         """The smallest mean of tensions over a shortest wave, and the force of the rope down on each saddle (., n) [N].
@@ -394,28 +319,11 @@ class LineSines(MarchingSystem):
         EA multiplies the error of a strain: at a point a coarse sum of sines may be compressed where the rope is taut.
         """
         x = values.contact_values.real
-        pressures = (x[..., 3] - x[..., 1])[:, self.watched.saddles]
+        pressures = (x[..., 3] - x[..., 1])[:, self.saddles]
         means = values.N[:, self.layout.outer] @ self.layout.means.T  # (n, S, P)
         return np.stack([means.min(axis=(1, 2)), *pressures.T])
 
-    def apply_event(self, name: str, x: State) -> State | None:
-        """The state after a car stops, breaks loose or reaches a brake; None: other events end the run."""
-        for k in self.watched.stops:
-            car = self.cars[k].car.name
-            if name == f"{car} stops":
-                return self._stick_or_slip_from_rest(k, x)
-            if name == f"{car} breaks loose":
-                return self._start_slipping(k, x)
-            if name == f"{car} brakes":
-                self.begin_step(x)
-                return self.with_acceleration(x)
-        return None
+    def system_after_passage(self, passage: Passage, x: State) -> tuple[LineSines, State]:
+        from galerkin.carrying import system_after_passage
 
-    def system_after(self, event: str, x: State) -> tuple[LineSines, State] | None:
-        """The line after a car passes an end of a shoe, and its state; None if another event has ended the run."""
-        for passage in self.watched.passages:
-            if str(passage) == event:
-                from galerkin.carrying import system_after_passage
-
-                return system_after_passage(self, passage, x)
-        return None
+        return system_after_passage(self, passage, x)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,31 +11,22 @@ from cablefem.elements.bodies import CarLoadsAndMasses, forces_on_cars, vector_l
 from cablefem.elements.line_balance import LineBalance, RopeAndCars
 from cablefem.elements.line_coordinates import Coordinates
 from cablefem.elements.line_observe import observe_line
+from cablefem.line_in_motion import LineInMotion
 from cablefem.motion import LineMotion
 from cablefem.newmark import (
     Array,
-    MarchingSystem,
     State,
     StepFailure,
     StepsWithFactors,
     consistent_acceleration,
 )
-from cablefem.scene.contacts import (
-    AT_REST,
-    NEAREST,
-    Car,
-    Contact,
-    MovingLine,
-    Wheel,
-    lift_off_event_name,
-    meeting_event_name,
-)
-from cablefem.shoes import Passage, car_may_pass_saddle, possible_passages
+from cablefem.scene.contacts import MovingLine
+from cablefem.shoes import Passage
 
 SHIFT = 1e-4  # [s] for velocities through states of rest
 
 
-class LineElements(LineBalance, MarchingSystem):
+class LineElements(LineInMotion, LineBalance):
     """A rope over contacts with cars; `elements` of `degree` on each segment.
 
     compiled : loops of `segment_kernels` in the place of numpy.
@@ -47,46 +37,11 @@ class LineElements(LineBalance, MarchingSystem):
 
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
         super().__init__(line, elements, degree, compiled)
-        MarchingSystem.__init__(self)
         self.many_steps = compiled and not line.cars_off_rope
-        self._set_event_watchers()
-        self.events = tuple(self._event_names())
-
-    def _set_event_watchers(self) -> None:
-        """Set what the events watch."""
-        line = self.line
-        contacts = line.contacts_and_wheels
-        self.passages = possible_passages(line)
-        self._gaps = [k for k in range(len(contacts) - 1) if self._may_meet(contacts[k], contacts[k + 1])]
-        self._stops: list[int] = []  # cars that friction or brakes may stop
-        self._brakes: list[tuple[int, float]] = []  # a car, and where one of its brakes begins
-        self._pressing: list[int] = []  # the car of each wheel or point that may lift off
-        for i, car in enumerate(line.cars_on_rope):
-            self._pressing += [i] if car.wheels is None else [i, i]
-            if i in self.free_cars and car.drive.has_friction_or_brakes:
-                self._stops.append(i)
-                self._brakes += [(i, position) for position, _ in car.drive.brakes]
-
-    def _event_names(self) -> list[str]:
-        """In the order of `event_values`."""
-        contacts = self.line.contacts_and_wheels
-        cars = [car.name for car in self.line.cars_on_rope]
-        names = [meeting_event_name(contacts[k], contacts[k + 1]) for k in self._gaps]
-        names += [f"{cars[i]} stops" for i in self._stops]
-        names += [f"{cars[i]} brakes" for i, _ in self._brakes]
-        names += [lift_off_event_name(c) for c in contacts if not isinstance(c, Contact)]
-        names += ["rope falls slack"]
-        names += [f"rope lifts off {c.name}" for c in self.line.supports[1:-1]]
-        names += [f"{cars[i]} breaks loose" for i in self._stops]
-        names += [AT_REST]
-        return names + [str(p) for p in self.passages]
-
-    def _may_meet(self, first: Contact | Car | Wheel, second: Contact | Car | Wheel) -> bool:
-        """Whether two neighbours may meet: one of them is a car, and neither passes the other over a shoe."""
-        if isinstance(first, Contact) and isinstance(second, Contact):
-            return False
-        one, other = (c.car.name if isinstance(c, Wheel) else c.name for c in (first, second))
-        return one != other and not car_may_pass_saddle(self.passages, one, other)
+        cars = line.cars_on_rope
+        self.watch(dict(enumerate(cars)))
+        # the car of each wheel or point that may lift off
+        self._pressing = [i for i, car in enumerate(cars) for _ in range(1 if car.wheels is None else 2)]
 
     # --- start ---------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
@@ -157,34 +112,15 @@ class LineElements(LineBalance, MarchingSystem):
                 raise StepFailure(t, cause, "begin on steeper rope, or with less of both")
 
     # --- cars that stick and slip ------------------------------------------------------------------------------
-    def begin_step(self, x: State) -> None:
-        """Keep the direction of friction, and the brakes that act, for one step."""
-        if not self._stops:
-            return
-        z = self.coordinates_from_unknowns(*x)
-        for i in self._stops:
-            slot = self.slot_of_s(i)
-            self.signs[i] = np.sign(z.v[slot]) or self.signs[i]
-            self._set_brakes(i, z.q[slot])
+    def slip_sign(self, i: int) -> float:
+        return float(self.signs[i])
 
-    def _time_at_rest(self, phase: int) -> float:
-        """When all free cars, which friction holds, are at rest; inf where it does not hold them, or there are none."""
-        if not self.free_cars or not all(self._sticks(i) for i in self.free_cars):
-            return math.inf
-        return self.line.time_at_rest(float(self.held_since[self.free_cars].max()), phase)
-
-    def _sticks(self, i: int) -> bool:
-        """Whether friction holds car i."""
-        return bool(self.signs[i] == 0.0)
-
-    @property
-    def sticking_unknowns(self) -> list[int]:
-        """Numbers among the unknowns of s of cars that friction holds on the rope."""
-        return [self._travel_unknown(i) for i in self._stops if self._sticks(i)]
-
-    def _travel_unknown(self, i: int) -> int:
-        """Number of s of the free car i among the unknowns."""
+    def travel_unknown(self, i: int) -> int:
         return int(np.searchsorted(self._unknown, self.slot_of_s(i)))
+
+    def set_friction(self, i: int, s: float, sign: float) -> None:
+        self.signs[i] = sign
+        self._set_brakes(i, s)
 
     def _set_brakes(self, i: int, s: float) -> None:
         """Set the brakes of car i at s."""
@@ -193,26 +129,12 @@ class LineElements(LineBalance, MarchingSystem):
         self.brakes[i] = drive.brake_force(s)
         self.rear_brakes[i] = drive.rear_brake_force(s)
 
-    def _stop_or_slip_on(self, i: int, x: State) -> State:
-        """Car i sticks, or slips if friction and brakes cannot hold it."""
-        self.signs[i] = 0.0
-        self.held_since[i] = x.t
-        after = self._state_with_slip(i, x, 0.0)
-        margin = self.event_values(after)[self.events.index(f"{self.line.cars_on_rope[i].name} breaks loose")]
-        return after if margin > 0.0 else self._start_slipping(i, after)
+    def with_acceleration(self, x: State) -> State:
+        return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
-    def _start_slipping(self, i: int, x: State) -> State:
-        """Car i, which sticks, slips against the force that has held it."""
+    def holding_force(self, i: int, x: State) -> float:
         z = self.coordinates_from_unknowns(*x)
-        rows = self.balance_rows(x.t, z, x.phase)
-        self.signs[i] = -np.sign(self._holding_force(i, z, rows)) or 1.0
-        return self._state_with_slip(i, x, self.signs[i] * 1e-12)  # a first slip arms the event of a standstill
-
-    def _state_with_slip(self, i: int, x: State, ds: float) -> State:
-        """The state where car i slips with ds."""
-        v = x.v.copy()
-        v[self._travel_unknown(i)] = ds
-        return consistent_acceleration(self, x.t, x.q, v, x.phase)
+        return float(self._holding_force(i, z, self.balance_rows(x.t, z, x.phase)))
 
     def _holding_force(self, i: int, z: Coordinates, rows: Array) -> Array:
         """Force [N] of friction and brakes along the rope that a car which sticks needs; of two wheels all of it."""
@@ -232,59 +154,28 @@ class LineElements(LineBalance, MarchingSystem):
         prescribed = self.prescribed_coordinates(node_times, phase)
         return self._kernel.take_steps_with_factors(self.law, cars, self._unknown, self.moving, prescribed, march)
 
-    def count_ends_before_change(self, q: Array) -> int:
-        """Up to the first one from which other brakes act."""
-        others = np.zeros(len(q), bool)
-        for i in self._stops:
-            others |= self.line.cars_on_rope[i].drive.brake_force(q[:, self._travel_unknown(i)]) != self.brakes[i]
-        return int(np.argmax(others)) + 1 if others.any() else len(q)
-
     # --- events --------------------------------------------------------------------------------------------
-    def event_values_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
-        z = self.coordinates_from_unknowns(t, q, v, a, phase)
-        gaps = np.diff(z.q[..., self.s])[..., self._gaps] - NEAREST
-        ahead = [z.v[..., self.slot_of_s(i)] * self.signs[i] for i in self._stops]
-        sticks = [self._sticks(i) for i in self._stops]
-        to_brakes = []
-        for i, position in self._brakes:
-            away = position - z.q[..., self.slot_of_s(i)]
-            to_brakes.append(away if position > self.reached[i] else np.full_like(away, np.inf))
-        with np.errstate(all="ignore"):  # contacts that meet
-            rows = self.balance_rows(t, z, phase)
-            loads = self.loads.reshape(*np.shape(t), self.loads.shape[-1])
-            pressing = self._pressing_forces(z, rows, loads, self.car_loads_and_masses(t, phase))
-            margins = [self._friction_margin(i, z, rows, pressing) for i in self._stops]
-        others = [
-            *(np.where(holds, np.inf, x) for holds, x in zip(sticks, ahead, strict=True)),
-            *to_brakes,
-            *np.moveaxis(pressing, -1, 0),
-            *np.moveaxis(self._min_tension_and_saddle_pressures(rows, loads), -1, 0),
-            *(np.where(holds, x, np.inf) for holds, x in zip(sticks, margins, strict=True)),
-            self._time_at_rest(phase) - np.asarray(t),
-            *(self._distance_to_passage(passage, t, z, phase) for passage in self.passages),
-        ]
-        values = np.stack(others, axis=-1)
-        values[gaps.min(axis=-1, initial=np.inf) <= 0.0] = np.inf  # they have no meaning there
-        return np.concatenate([gaps, values], axis=-1)
+    def coordinates_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Coordinates:
+        return self.coordinates_from_unknowns(t, q, v, a, phase)
 
-    def _distance_to_passage(self, passage: Passage, t: Any, z: Coordinates, phase: int) -> Array:
-        """`Passage.distance_to_go` at t (...)."""
-        points = self._car_points_and_rates(passage.car, t, z, phase).reshape(-1, 3, 2)
-        distances = [passage.distance_to_go(*of_car[:2, 0].tolist()) for of_car in points]
-        return np.reshape(distances, np.shape(t))
+    def contact_positions_and_forces(self, t: Any, coordinates: Coordinates, phase: int) -> tuple[Array, list[Array]]:
+        rows = self.balance_rows(t, coordinates, phase)
+        loads = self.loads.reshape(*np.shape(t), self.loads.shape[-1])
+        pressing = self._pressing_forces(coordinates, rows, loads, self.car_loads_and_masses(t, phase))
+        of_rope = self._min_tension_and_saddle_pressures(rows, loads)
+        forces = [*np.moveaxis(pressing, -1, 0), *np.moveaxis(of_rope, -1, 0)]
+        for i in self.stops:
+            margin = self._friction_margin(i, coordinates, rows, pressing)
+            forces.append(np.where(self.sticks(i), margin, np.inf))
+        return coordinates.q[..., self.s], forces
 
-    def car_point_and_rates(self, car: str, x: State) -> Array:
-        """Point of a car with its rates (3, 2)."""
-        return self._car_points_and_rates(car, x.t, self.coordinates_from_unknowns(*x), x.phase)
-
-    def _car_points_and_rates(self, car: str, t: Any, z: Coordinates, phase: int) -> Array:
-        """Points of a car with their rates (..., 3, 2) at t (...)."""
+    def car_points_and_rates(self, name: str, t: Any, coordinates: Coordinates, phase: int) -> Array:
         for k, on_rope in zip(self.car_contacts, self.line.cars_on_rope, strict=True):
-            if on_rope.name == car:
-                return np.stack([x[..., self.xy[k]] for x in z], axis=-2)
-        flat = np.array(z).reshape(3, -1, self.size)
-        points = self.off_rope[car].points_with_rates(np.ravel(t), flat, phase)
-        return points.reshape(*np.shape(t), 3, 2)
+            if on_rope.name == name:
+                return np.stack([x[..., self.xy[k]] for x in coordinates])
+        flat = np.array(coordinates).reshape(3, -1, self.size)
+        points = self.off_rope[name].points_with_rates(np.ravel(t), flat, phase)
+        return np.moveaxis(points.reshape(*np.shape(t), 3, 2), -2, 0)
 
     def _pressing_forces(self, x: Coordinates, rows: Array, loads: Array, cars: CarLoadsAndMasses) -> Array:
         """Contact forces [N] of all that may lift off (..., .); `rows` and `loads` are those of x."""
@@ -306,27 +197,10 @@ class LineElements(LineBalance, MarchingSystem):
         depth = self.xy[self.support_contacts[1:-1], 1]
         return np.concatenate([loads[..., -1:], -rows[..., depth]], axis=-1)
 
-    def apply_event(self, name: str, x: State) -> State | None:
-        """The state after a car stops, breaks loose or reaches a brake; None: other events end the run."""
-        for i in self._stops:
-            car = self.line.cars_on_rope[i].name
-            if name == f"{car} stops":
-                return self._stop_or_slip_on(i, x)
-            if name == f"{car} breaks loose":
-                return self._start_slipping(i, x)
-            if name == f"{car} brakes":
-                self.begin_step(x)
-                return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
-        return None
+    def system_after_passage(self, passage: Passage, x: State) -> tuple[LineElements, State]:
+        from cablefem.elements.carrying import system_after_passage
 
-    def system_after(self, event: str, x: State) -> tuple[LineElements, State] | None:
-        """The line after a car passes an end of a shoe, and its state; None if another event has ended the run."""
-        for passage in self.passages:
-            if str(passage) == event:
-                from cablefem.elements.carrying import system_after_passage
-
-                return system_after_passage(self, passage, x)
-        return None
+        return system_after_passage(self, passage, x)
 
     def observe(self, states: Sequence[State], s: Array) -> LineMotion:
         """What the states show, with the rope at the stations s (m,)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,9 +45,8 @@ class MarchingSystem(System):
 
     reuses_factors = True
 
-    def __init__(self) -> None:
-        # a and events' values by t, of the last states
-        self._known_values: dict[float, tuple[Array, tuple[float, ...]]] = {}
+    # a and events' values by t, of the last states
+    _known_values: Mapping[float, tuple[Array, tuple[float, ...]]] | None = None
 
     def take_steps_with_factors(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
         """Take steps; return how many have converged.
@@ -114,7 +113,7 @@ class MarchingSystem(System):
         return [StepResult(*row) for row in results[:taken].tolist()]
 
     def event_values(self, x: State) -> tuple[float, ...]:
-        known = self._known_values.get(x.t)
+        known = (self._known_values or {}).get(x.t)
         if known is None or not np.array_equal(known[0], x.a):
             known = x.a, tuple(self.event_values_at(*x).tolist())
             self._known_values = {x.t: known}

@@ -1,0 +1,190 @@
+"""Events of a line in motion, and cars that stick and slip along its rope, for both solvers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from cablefem.newmark import MarchingSystem, State
+from cablefem.newmark.states import Array
+from cablefem.scene.contacts import (
+    AT_REST,
+    NEAREST,
+    Car,
+    Contact,
+    MovingLine,
+    Wheel,
+    lift_off_event_name,
+    meeting_event_name,
+)
+from cablefem.shoes import Passage, car_may_pass_saddle, possible_passages
+
+TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
+
+
+class LineInMotion(MarchingSystem):
+    """A subclass calls `watch`, sets the attributes and defines the methods that raise; it numbers the cars."""
+
+    line: MovingLine
+    reached: Any  # s of cars where their brakes were set, by number
+    held_since: Any  # [s] when friction last stopped free cars
+
+    def watch(self, cars: Mapping[int, Car]) -> None:
+        """Set what events watch; cars : on the rope, by number."""
+        touching = self.line.contacts_and_wheels
+        self.car_by_number = cars
+        self.passages = possible_passages(self.line)
+        self.gaps = [k for k, neighbours in enumerate(pairwise(touching)) if self._may_meet(*neighbours)]
+        free = {i: car for i, car in cars.items() if car.drive_kind == "free"}
+        self.stops = [i for i, car in free.items() if car.drive.has_friction_or_brakes]
+        self.brake_positions = [(i, position) for i in self.stops for position, _ in free[i].drive.brakes]
+        names = [meeting_event_name(touching[k], touching[k + 1]) for k in self.gaps]
+        names += [f"{cars[i].name} stops" for i in self.stops]
+        names += [f"{cars[i].name} brakes" for i, _ in self.brake_positions]
+        names += [lift_off_event_name(contact) for contact in touching if not isinstance(contact, Contact)]
+        names += ["rope falls slack"]
+        names += [f"rope lifts off {support.name}" for support in self.line.supports[1:-1]]
+        names += [f"{cars[i].name} breaks loose" for i in self.stops]
+        self.events = *names, AT_REST, *map(str, self.passages)
+
+    def _may_meet(self, first: Contact | Car | Wheel, second: Contact | Car | Wheel) -> bool:
+        """Whether two neighbours may meet: one of them is a car, and neither passes the other over a shoe."""
+        if isinstance(first, Contact) and isinstance(second, Contact):
+            return False
+        one, other = (c.car.name if isinstance(c, Wheel) else c.name for c in (first, second))
+        return one != other and not car_may_pass_saddle(self.passages, one, other)
+
+    def slip_sign(self, i: int) -> float:
+        """The sign of the slip that friction and brakes of a car act against; 0: they hold it."""
+        raise NotImplementedError
+
+    def set_friction(self, i: int, s: float, sign: float) -> None:
+        """Set friction and brakes of a free car at s against a slip of this sign."""
+        raise NotImplementedError
+
+    def travel_unknown(self, i: int) -> int:
+        """Number of s of a free car among the unknowns."""
+        raise NotImplementedError
+
+    def holding_force(self, i: int, x: State) -> float:
+        """Force [N] along the rope that friction and brakes give a car which sticks."""
+        raise NotImplementedError
+
+    def with_acceleration(self, x: State) -> State:
+        """The state with the accelerations that its balance asks for."""
+        raise NotImplementedError
+
+    # --- events ------------------------------------------------------------------------------------------------
+    def coordinates_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Any:
+        """All coordinates with their rates at t (...)."""
+        raise NotImplementedError
+
+    def contact_positions_and_forces(self, t: Any, coordinates: Any, phase: int) -> tuple[Array, list[Array]]:
+        """s of contacts (..., contacts), and forces (...) [N] whose fall to 0 is an event, in the order of `watch`."""
+        raise NotImplementedError
+
+    def car_points_and_rates(self, name: str, t: Any, coordinates: Any, phase: int) -> Array:
+        """Points of a car on one contact, or off the rope, with their rates (3, ..., 2)."""
+        raise NotImplementedError
+
+    def car_point_and_rates(self, name: str, x: State) -> Array:
+        """The same (3, 2) in a state."""
+        return self.car_points_and_rates(name, x.t, self.coordinates_at(*x), x.phase)
+
+    def event_values_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
+        coordinates = self.coordinates_at(t, q, v, a, phase)
+        with np.errstate(all="ignore"):  # contacts that meet
+            s, forces = self.contact_positions_and_forces(t, coordinates, phase)
+        gaps = np.diff(s)[..., self.gaps] - NEAREST
+        in_order = gaps.min(axis=-1, initial=np.inf) > 0.0  # else forces have no meaning
+        values = [*np.moveaxis(gaps, -1, 0)]
+        for i in self.stops:
+            values.append(np.where(self.sticks(i), np.inf, v[..., self.travel_unknown(i)] * self.slip_sign(i)))
+        for i, position in self.brake_positions:
+            ahead = position > self.reached[i]
+            values.append(np.where(ahead, position - q[..., self.travel_unknown(i)], np.inf))
+        values += [np.where(in_order, x, np.inf) for x in (*forces, self.time_at_rest(phase) - t)]
+        for passage in self.passages:
+            x, dx = self.car_points_and_rates(passage.car, t, coordinates, phase)[:2, ..., 0]
+            values.append(np.vectorize(passage.distance_to_go)(x, dx))
+        return np.stack(values, axis=-1)
+
+    # --- cars that stick and slip ------------------------------------------------------------------------------
+    def sticks(self, i: int) -> bool:
+        """Whether friction holds a car."""
+        return self.slip_sign(i) == 0.0
+
+    @property
+    def sticking_unknowns(self) -> list[int]:
+        """Numbers among the unknowns of s of cars that friction holds on the rope."""
+        return [self.travel_unknown(i) for i in self.stops if self.sticks(i)]
+
+    def begin_step(self, x: State) -> None:
+        """Keep the direction of friction, and the brakes that act, for one step."""
+        for i in self.stops:
+            row = self.travel_unknown(i)
+            ds = x.v.item(row)
+            sign = math.copysign(1.0, ds) if abs(ds) > TURNING else self.slip_sign(i)
+            self.set_friction(i, x.q.item(row), sign)
+
+    def count_ends_before_change(self, q: Array) -> int:
+        """Up to the first one from which other brakes act."""
+        others = np.zeros(len(q), bool)
+        for i in self.stops:
+            brake_force = self.car_by_number[i].drive.brake_force
+            others |= brake_force(q[:, self.travel_unknown(i)]) != brake_force(self.reached[i])
+        return int(np.argmax(others)) + 1 if others.any() else len(q)
+
+    def time_at_rest(self, phase: int) -> float:
+        """When all free cars, which friction holds, are at rest; inf where it does not hold them, or there are none."""
+        free = [i for i, car in self.car_by_number.items() if car.drive_kind == "free"]
+        if not free or not all(self.sticks(i) for i in free):
+            return math.inf
+        return self.line.time_at_rest(float(max(self.held_since[i] for i in free)), phase)
+
+    def _stop_or_slip_on(self, i: int, x: State) -> State:
+        """The state after a standstill: friction holds the car, or it slips."""
+        self.held_since[i] = x.t
+        held = self._state_with_slip(i, x, 0.0)
+        margin = self.event_values(held)[self.events.index(f"{self.car_by_number[i].name} breaks loose")]
+        return held if margin > 0.0 else self._start_slipping(i, held)
+
+    def _start_slipping(self, i: int, x: State) -> State:
+        """The state in which a car that sticks gives way to what pulls it."""
+        return self._state_with_slip(i, x, -math.copysign(1.0, self.holding_force(i, x)))
+
+    def _state_with_slip(self, i: int, x: State, sign: float) -> State:
+        """Set friction against a slip of this sign, for 0 the car sticks; return the state with the car at rest."""
+        row = self.travel_unknown(i)
+        self.set_friction(i, x.q.item(row), sign)
+        v = x.v.copy()
+        a = x.a.copy()
+        v[row] = sign * 1e-12  # [m/s] not 0, else its next standstill is no event
+        a[row] = 0.0
+        return self.with_acceleration(x._replace(v=v, a=a))
+
+    def apply_event(self, name: str, x: State) -> State | None:
+        """The state after a car stops, breaks loose or reaches a brake; None: other events end the run."""
+        for i in self.stops:
+            car = self.car_by_number[i].name
+            if name == f"{car} stops":
+                return self._stop_or_slip_on(i, x)
+            if name == f"{car} breaks loose":
+                return self._start_slipping(i, x)
+            if name == f"{car} brakes":
+                self.begin_step(x)
+                return self.with_acceleration(x)
+        return None
+
+    def system_after(self, event: str, x: State) -> tuple[Any, State] | None:
+        """The line after a car passes an end of a shoe, and its state; None if another event has ended the run."""
+        passages = {str(passage): passage for passage in self.passages}
+        return self.system_after_passage(passages[event], x) if event in passages else None
+
+    def system_after_passage(self, passage: Passage, x: State) -> tuple[Any, State]:
+        """The line after a passage, and its state."""
+        raise NotImplementedError
