@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
+from validation.commands.check.page import third_party_verdict_and_sentence
 from validation.core import foreign, measures
 from validation.core.agreement import Verdict
 from validation.core.foreign import ForeignPath, refuse_wrong_unit_or_direction
@@ -244,6 +245,8 @@ def test_a_path_that_ends_early_is_not_comparable_but_told(our_ladder):
     assert row.verdict is Verdict.NOT_COMPARABLE
     assert row.gap < 3e-3
     assert "short covers s_o/l 0.02 to 0.498 of 0.02 to 0.8" in row.allowed_because
+    _, sentence = third_party_verdict_and_sentence([row.to_json()], "short")
+    assert sentence.startswith("cannot be compared; short covers s_o/l 0.02 to 0.498 of 0.02 to 0.8")
 
 
 @pytest.mark.parametrize(

@@ -102,10 +102,12 @@ def _deciding_rows(rows: list[Row]) -> list[Row]:
 
 
 def third_party_verdict_and_sentence(rows: list[Row], name: str) -> tuple[str, str]:
-    """The verdict on a third party, and a sentence with the one change that would make it agree."""
+    """The verdict on a third party, and a sentence with why it cannot be compared, or what would make it agree."""
     theirs = [row for row in rows if row.get("with") == name]
     worst = worst_deciding_verdict(theirs) or "not comparable"
     parts = [WORDS["third"][worst]]
+    if worst == "not comparable":
+        parts += [row["allowed_because"] for row in theirs if row["verdict"] == worst][:1]
     for row in theirs:
         parts += row.get("notes", ())
     return worst, "; ".join(dict.fromkeys(parts)) + "."
