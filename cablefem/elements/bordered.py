@@ -2,74 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
 
 from cablefem.newmark import Array
 
 Indices = Any
 
 
-class DenseMatrix:
-    """A full matrix."""
-
-    def __init__(self, matrix: Any) -> None:
-        self.matrix = matrix
-        self.dtype = matrix.dtype
-
-    def add_entry(self, row: int, column: int, value: complex) -> None:
-        """Add one entry."""
-        self.matrix[row, column] += value
-
-    def add_row(self, row: int, values: Array) -> None:
-        """Add a full row."""
-        self.matrix[row] += values
-
-    def add_multiple_of_row(self, source: int, to: int, factor: complex = 1.0) -> None:
-        """Add a factor times row `source` to another row."""
-        self.matrix[to] += factor * self.matrix[source]
-
-    def add_multiple_of_column(self, source: int, to: int, factor: complex) -> None:
-        """Add a factor times column `source` to another column."""
-        self.matrix[:, to] += factor * self.matrix[:, source]
-
-    def fix_unknowns_at_zero(self, at: NDArray[np.intp]) -> None:
-        """Make rows and columns `at` zero but for ones on the diagonal: these unknowns drop out."""
-        self.matrix[at] = 0.0
-        self.matrix[:, at] = 0.0
-        self.matrix[at, at] = 1.0
-
-    def let_unknown_follow_previous(self, j: int, factor: float) -> None:
-        """Let unknown j follow j - 1: add its row and its column to those before, times the factor."""
-        self.add_multiple_of_row(j, j - 1, factor)
-        self.add_multiple_of_column(j, j - 1, factor)
-
-    def factorise_in_place(self) -> Callable[[Array], Array]:
-        """Return the solution as a function of the right-hand side."""
-        return splu(csc_array(self.matrix)).solve
-
-
 class BandMatrix:
     """A band matrix of n unknowns with border rows and columns; numbers count through."""
 
-    def __init__(self, ab: Any, columns: Any, rows: Any, corner: Any) -> None:
-        """ab : (n, 2 b + 1), ab[i, b + j - i] = A[i, j]."""
-        self.n = len(ab)
-        self.b = ab.shape[1] // 2
-        self.ab = ab
-        self.columns = columns
-        self.rows = rows
-        self.corner = corner
-
-    @property
-    def dtype(self) -> Any:
-        """Type of its numbers."""
-        return self.ab.dtype
+    def __init__(self, n: int, border: int, b: int, dtype: Any) -> None:
+        """Zero at first; border : number K of its rows;  b : half-width of the band."""
+        self.n = n
+        self.b = b
+        self.ab = np.zeros((n, 2 * b + 1), dtype)  # ab[i, b + j - i] = A[i, j]
+        self.columns = np.zeros((n, border), dtype)
+        self.rows = np.zeros((border, n), dtype)
+        self.corner = np.zeros((border, border), dtype)
 
     def _in_band(self, i: Indices, j: Indices) -> tuple[Indices, Indices]:
         """Where `ab` has the entries (i, j)."""
@@ -168,6 +121,3 @@ class BandFactors(NamedTuple):
         x = b.astype(self.band.dtype)
         solve_bordered_in_place(self, x)
         return x
-
-
-Matrix = DenseMatrix | BandMatrix

@@ -17,7 +17,7 @@ from cablefem.elements.bodies import (
     forces_on_cars,
     masses_drag_and_friction,
 )
-from cablefem.elements.bordered import BandMatrix, DenseMatrix, Matrix
+from cablefem.elements.bordered import BandMatrix
 from cablefem.elements.line_coordinates import Coordinates, LineCoordinates, Mask
 from cablefem.elements.segments import Law
 from cablefem.elements.trolley import Slots
@@ -248,49 +248,35 @@ class LineBalance(LineCoordinates):
         rope_rows = np.empty(0)
         if self.trolleys:
             rope_rows = self._rope_rows_noting_loads(x, *rope_and_cars)
-        law, cars = rope_and_cars
+        cars = rope_and_cars.cars
         points = self._point_car_derivatives(x, cars)
         wheels = [trolley.derivatives(x, rope_rows[trolley.points.ravel()], cars) for trolley in self.trolleys]
-        matrices: Sequence[Any] = (
-            self._rope_bands(x, rope_and_cars, cs)
-            if self.compiled
-            else [self._dense_rope_tangent(x, law, c) for c in cs]
-        )
-        for matrix, c in zip(matrices, cs, strict=True):
+        fixed = np.flatnonzero(np.logical_not(free))
+        solves: list[Any] = []
+        for c in cs:
+            matrix = self._rope_tangent(x, rope_and_cars, c)
             self._add_contact_tangents(matrix, x, points, wheels, c)
-            matrix.fix_unknowns_at_zero(np.flatnonzero(np.logical_not(free)))
-        return [matrix.factorise_in_place() for matrix in matrices]
+            matrix.fix_unknowns_at_zero(fixed)
+            solves.append(matrix.factorise_in_place())
+        return solves
 
-    def _rope_bands(self, x: Coordinates, rope_and_cars: RopeAndCars, cs: Sequence[TangentFactors]) -> list[BandMatrix]:
-        """The tangents of segments; complex factors by two real ones, compiled once."""
-        n = 2 * self.n
-        border = self.size - n
-        factors: list[Any] = []
-        for c in cs:
-            factors += [np.real(c), np.imag(c)] if np.iscomplexobj(c) else [c]
-        shapes = (n, 2 * self.band + 1), (n, border), (border, n), (border, border)
-        arrays = [np.zeros((len(factors), *shape)) for shape in shapes]
-        self._kernel.add_rope_tangents(x, rope_and_cars, np.array(factors), arrays)
-        parts = zip(*arrays, strict=True)
-        out = []
-        for c in cs:
-            entries = next(parts)
-            if np.iscomplexobj(c):
-                entries = tuple(real + 1j * imaginary for real, imaginary in zip(entries, next(parts), strict=True))
-            out.append(BandMatrix(*entries))
-        return out
-
-    def _dense_rope_tangent(self, x: Coordinates, law: Array, c: TangentFactors) -> DenseMatrix:
-        """The same by numpy."""
-        of_segments = self.segments.tangent(self.segment_motion(x), Law(*law), c)
+    def _rope_tangent(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors) -> BandMatrix:
+        """The tangent of segments."""
+        matrix = BandMatrix(2 * self.n, self.size - 2 * self.n, self.band, np.array(c).dtype)
+        if self.compiled:
+            self._kernel.add_rope_tangent(x, rope_and_cars, c, matrix)
+            return matrix
+        of_segments = self.segments.tangent(self.segment_motion(x), Law(*rope_and_cars.law), c)
         of_nodes = self.xy_of_nodes.reshape(len(self.nodes), -1)
         slots = np.column_stack([of_nodes, self.s[:-1], self.s[1:]])  # (K, m)
-        matrix = DenseMatrix(np.zeros((self.size, self.size), of_segments.dtype))
-        np.add.at(matrix.matrix, (slots[:, :, None], slots[:, None, :]), of_segments)
+        full = np.zeros((self.size, self.size), of_segments.dtype)
+        np.add.at(full, (slots[:, :, None], slots[:, None, :]), of_segments)
+        for row, values in enumerate(full):
+            matrix.add_row(row, values)
         return matrix
 
     def _add_contact_tangents(
-        self, matrix: Matrix, x: Coordinates, points: Derivatives, wheels: Derivatives, c: TangentFactors
+        self, matrix: BandMatrix, x: Coordinates, points: Derivatives, wheels: Derivatives, c: TangentFactors
     ) -> None:
         """Add supports, cars, and the rows that determine F."""
         self._add_support_tangent(matrix, x, c)
@@ -309,7 +295,7 @@ class LineBalance(LineCoordinates):
         for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):
             matrix.add_multiple_of_row(row, slot)
 
-    def _add_support_tangent(self, matrix: Matrix, x: Coordinates, c: TangentFactors) -> None:
+    def _add_support_tangent(self, matrix: BandMatrix, x: Coordinates, c: TangentFactors) -> None:
         c0, c1, c2 = c
         for slot, stiffness in zip(self.springs.tolist(), self.stiffness.tolist(), strict=True):
             matrix.add_entry(slot, slot, stiffness * c0)

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cablefem.elements.bodies import CarLoadsAndMasses, ForcesOnCars, counterweight_row, forces_on_cars
-from cablefem.elements.line_coordinates import Coordinates
+from cablefem.elements.line_coordinates import Coordinates, Mask
 from cablefem.elements.off_rope import CarOffRope
 from cablefem.elements.segments import Motion, dot
 from cablefem.elements.trolley import Trolley
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
-from cablefem.newmark import Array, State
+from cablefem.newmark import Array, State, stack_states
 from cablefem.scene.contacts import Car, Contact
 from cablefem.shoes import OffRopeState, contacts_with_shoe_forces, downward_normals, off_rope_motion_and_powers
 
@@ -34,11 +34,12 @@ class _History:
     def __init__(self, system: LineElements, states: Sequence[State]) -> None:
         self.system = system
         self.segments = system.segments
-        self.t = np.array([x.t for x in states])
-        self.phase = [x.phase for x in states]
+        self.t, q, v, a, self.phase = stack_states(states)
         self.none = np.full(self.t.size, np.nan)
-        coordinates = [system.coordinates_from_unknowns(*x) for x in states]
-        self.coordinates = Coordinates(*np.stack(coordinates, axis=1))  # (n, size) each
+        coordinates = np.empty((3, self.t.size, system.size))
+        for phase, of in self.states_by_phase():
+            coordinates[:, of] = system.coordinates_from_unknowns(self.t[of], q[of], v[of], a[of], phase)
+        self.coordinates = Coordinates(*coordinates)  # (n, size) each
         self.q, self.v, self.a = self.coordinates
         motion = system.segment_motion(self.coordinates)
         self.motion = Motion(*(x.reshape(-1, *x.shape[2:]) for x in motion))  # of n K segments
@@ -46,6 +47,10 @@ class _History:
         nodal_rows, end_rows = self.segments.node_and_end_rows(self.points)
         self.end_rows = self.split_by_time(end_rows)  # (2, n, K) of s
         self._set_end_forces(nodal_rows)
+
+    def states_by_phase(self) -> list[tuple[int, Mask]]:
+        """Each phase, and which states are in it."""
+        return [(phase, self.phase == phase) for phase in np.unique(self.phase).tolist()]
 
     def split_by_time(self, values: Array) -> Array:
         """(e, n K, ...) as (e, n, K, ...)."""
@@ -411,9 +416,12 @@ def _car_loads_over_time(x: _History) -> CarLoadsAndMasses:
     system = x.system
     slots = system.s[system.car_contacts]
     ds = x.v[:, slots]
-    data = []
-    for t, phase in zip(x.t.tolist(), x.phase, strict=True):
-        data.append(system.car_loads_and_masses(t, phase))
+    thrust = np.zeros_like(ds)
+    hold = np.zeros_like(ds)
+    for phase, of in x.states_by_phase():
+        data = system.car_loads_and_masses(x.t[of], phase)
+        thrust[of] = data.thrust
+        hold[of] = data.hold
     before_jump = np.append(np.diff(x.t) <= 0.0, False)
     s = x.q[:, slots] - 1e-9 * before_jump[:, None]  # of two states at a brake the first is short of it
     brake = np.zeros_like(s)
@@ -421,13 +429,11 @@ def _car_loads_over_time(x: _History) -> CarLoadsAndMasses:
     for i, car in enumerate(system.line.cars_on_rope):
         brake[:, i] = car.drive.brake_force(s[:, i])
         rear_brake[:, i] = car.drive.rear_brake_force(s[:, i])
-    thrust = np.array([cars.thrust for cars in data])
-    hold = np.array([cars.hold for cars in data])
-    sign = np.where(ds == 0.0, data[0].sign, np.sign(ds))
+    sign = np.where(ds == 0.0, data.sign, np.sign(ds))
     for i, car in enumerate(system.line.cars_on_rope):
         if car.travel is not None:  # rope that creeps under a standing car does not turn its friction
-            sign[:, i] = [system.line.travel_direction(car, phase) for phase in x.phase]
-    return data[0]._replace(thrust=thrust, hold=hold, brake=brake, rear_brake=rear_brake, sign=sign)
+            sign[:, i] = [system.line.travel_direction(car, phase) for phase in x.phase.tolist()]
+    return data._replace(thrust=thrust, hold=hold, brake=brake, rear_brake=rear_brake, sign=sign)
 
 
 def _rope_points_and_tensions(x: _History, s: Array) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cablefem.elements.bodies import INPUTS, ForcesOnCars, forces_on_cars, masses_drag_and_friction, swing_constants
-from cablefem.elements.bordered import Matrix
+from cablefem.elements.bordered import BandMatrix
 from cablefem.elements.segments import dot
 from cablefem.newmark import Array, TangentFactors
 from cablefem.scene.contacts import Car, MovingLine
@@ -57,7 +57,7 @@ class CarOffRope:
         if self.swing is not None:
             rows[:, self.swing] = on.swing[:, 0]
 
-    def add_tangent(self, matrix: Matrix, q: Array, c: TangentFactors) -> None:
+    def add_tangent(self, matrix: BandMatrix, q: Array, c: TangentFactors) -> None:
         """Add c0 d/dq + c1 d/dv + c2 d/da at coordinates q (size,); drag and motion of the point change little."""
         c0, c1, c2 = c
         stretch = self.rail.stretch

@@ -25,7 +25,7 @@ from cablefem.newmark import Array
 from cablefem.scene.contacts import Car
 
 if TYPE_CHECKING:
-    from cablefem.elements.bordered import Matrix
+    from cablefem.elements.bordered import BandMatrix
     from cablefem.elements.line_coordinates import LineCoordinates
 
 # inputs: r' behind and ahead of the rear wheel (4) and of the front one (4), P_1, P_2 (4), th, X. (2), th., X.. (2),
@@ -202,7 +202,7 @@ class Trolley:
             inputs[3, 19, self.force] = 1.0
         return np.array([row.imag / STEP for row in rows]), inputs
 
-    def add_rope_and_follow(self, matrix: Matrix, pitch: float, by_rope_rows: Array) -> None:
+    def add_rope_and_follow(self, matrix: BandMatrix, pitch: float, by_rope_rows: Array) -> None:
         """Let the nodes follow the body in the columns, and add the rows of the rope to its own, by_rope_rows (5, 4).
 
         What the pitch rate adds to c1 and c2 is left out: it is of the order of the rate times the step.
@@ -212,7 +212,7 @@ class Trolley:
             rope_row = int(self.points.flat[column])
             matrix.add_multiple_of_row(rope_row, int(self.rows[row]), by_rope_rows[row, column])
 
-    def _let_wheels_follow(self, matrix: Matrix, pitch: float) -> None:
+    def _let_wheels_follow(self, matrix: BandMatrix, pitch: float) -> None:
         """Add the columns of the nodes at both wheels to those of X and th."""
         *axes, th = self.body
         for wheel in self.points:

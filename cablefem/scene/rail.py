@@ -47,13 +47,14 @@ class Rail:
 
     def depth_with_derivatives(self, x: Any) -> tuple[Any, Any, Any]:
         """Y, Y' and Y'' at x."""
-        y0, c1, c2, c3, c4, c5 = self.coefficients
         L = self.end.x - self.begin.x
         u = (x - self.begin.x) / L
-        Y = y0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
-        first = c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))
-        second = 2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5))
-        return Y, first / L, second / L**2
+        Y = first = half_second = 0.0
+        for coefficient in reversed(self.coefficients):
+            half_second = half_second * u + first
+            first = first * u + Y
+            Y = Y * u + coefficient
+        return Y, first / L, 2.0 * half_second / L**2
 
     def y_with_rates(self, x_with_rates: Any) -> Any:
         """y and its rates (3, ...) of a car at x with its rates (3, ...)."""

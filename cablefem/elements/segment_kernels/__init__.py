@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cablefem.elements.segment_kernels import balance, contacts, march
-from cablefem.newmark import Array
+from cablefem.newmark import Array, TangentFactors
 from cablefem.newmark.marching import StepsWithFactors
 
 if TYPE_CHECKING:
     from cablefem.elements.bodies import CarLoadsAndMasses
+    from cablefem.elements.bordered import BandMatrix
     from cablefem.elements.line_balance import LineBalance, RopeAndCars
 
 TROLLEY_DATA = ("thrust", "brake", "hold", "sign", "rear_brake")  # columns of `contacts.Trolleys.data`
@@ -93,12 +94,13 @@ class Kernel:
         at = balance.Coordinates(*x)
         balance.add_rows_and_set_loads(self._line(law, cars), at, rows, loads_and_min_tension)
 
-    def add_rope_tangents(
-        self, x: Sequence[Array], rope_and_cars: RopeAndCars, factors: Array, matrices: Sequence[Array]
+    def add_rope_tangent(
+        self, x: Sequence[Array], rope_and_cars: RopeAndCars, c: TangentFactors, matrix: BandMatrix
     ) -> None:
-        """See `balance.add_rope_tangents`; x : q, v, a (size,)."""
+        """See `balance.add_rope_tangent`; x : q, v, a (size,)."""
         line = self._line(*rope_and_cars)
-        balance.add_rope_tangents(line, balance.Coordinates(*x), factors, balance.Bands(*matrices))
+        bands = balance.Bands(matrix.ab, matrix.columns, matrix.rows, matrix.corner)
+        balance.add_rope_tangent(line, balance.Coordinates(*x), np.array(c), bands)
 
     def take_steps_with_factors(
         self, law: Array, cars: CarLoadsAndMasses, slots: Any, moving: Any, prescribed: Array, steps: StepsWithFactors

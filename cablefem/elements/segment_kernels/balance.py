@@ -60,9 +60,9 @@ class Coordinates(NamedTuple):
 
 
 class Bands(NamedTuple):
-    """Of m matrices, see `bordered.BandMatrix`."""
+    """See `bordered.BandMatrix`."""
 
-    ab: Array  # (m, n, 2 b + 1)
+    ab: Array  # (n, 2 b + 1)
     columns: Array
     rows: Array
     corner: Array
@@ -95,9 +95,27 @@ def motion_at_point(line: Line, at: Coordinates, k: int, e: int, g: int) -> Any:
     return (r_x, r_y, v_x, v_y, a_x, a_y, r_xi_x, r_xi_y, v_xi_x, v_xi_y, *ends)
 
 
+class PointFields(NamedTuple):
+    """See `segments.PointFields`."""
+
+    h: float
+    dh: float
+    c: float
+    flow: float  # c/h
+    slowing: float  # -d(c/h)/dt
+    w_x: float
+    w_y: float
+    dw_x: float
+    dw_y: float
+    size: float  # |r_xi|
+    lam: float
+    N: float
+    W: float
+
+
 @inner
-def densities(rope: Rope, law: Array, xi: float, y: Any) -> Any:
-    """`Segments.row_densities` and the tension (7,), of `motion_at_point`; law : (3,)."""
+def fields_at_point(law: Array, xi: float, y: Any) -> PointFields:
+    """Fields of `motion_at_point`; law : (3,)."""
     h = y[11] - y[10]
     dh = y[13] - y[12]
     c = y[12] * (1.0 - xi) + y[13] * xi
@@ -105,28 +123,64 @@ def densities(rope: Rope, law: Array, xi: float, y: Any) -> Any:
     per_h = 1.0 / h
     flow = c * per_h
     slowing = (flow * dh - dc) * per_h
+    w_x = y[2] - flow * y[6]
+    w_y = y[3] - flow * y[7]
+    dw_x = y[4] - flow * y[8] + slowing * y[6]
+    dw_y = y[5] - flow * y[9] + slowing * y[7]
     size = np.sqrt(y[6] * y[6] + y[7] * y[7])
     lam = size * per_h
     EA, N_0, W_0 = law
     N = N_0 + EA * (lam - 1.0)
     W = W_0 + (N_0 + 0.5 * EA * (lam - 1.0)) * (lam - 1.0)
-    w_x = y[2] - flow * y[6]
-    w_y = y[3] - flow * y[7]
-    dw_x = y[4] - flow * y[8] + slowing * y[6]
-    dw_y = y[5] - flow * y[9] + slowing * y[7]
-    momentum = dw_x * y[6] + dw_y * y[7] + w_x * y[8] + w_y * y[9]
-    kinetic = 0.5 * (w_x * w_x + w_y * w_y) + flow * (w_x * y[6] + w_y * y[7])
-    material = W - N * lam - rope.q * y[1] - rope.rho * kinetic
-    per_size = N / size
+    return PointFields(h, dh, c, flow, slowing, w_x, w_y, dw_x, dw_y, size, lam, N, W)
+
+
+@inner
+def densities(rope: Rope, xi: float, y: Any, p: PointFields) -> Any:
+    """`Segments.row_densities` (6,) of `motion_at_point` and its fields."""
+    momentum = p.dw_x * y[6] + p.dw_y * y[7] + p.w_x * y[8] + p.w_y * y[9]
+    kinetic = 0.5 * (p.w_x * p.w_x + p.w_y * p.w_y) + p.flow * (p.w_x * y[6] + p.w_y * y[7])
+    material = p.W - p.N * p.lam - rope.q * y[1] - rope.rho * kinetic
+    per_size = p.N / p.size
     return (
-        rope.rho * (h * dw_x + dh * w_x),
-        rope.rho * (h * dw_y + dh * w_y) - rope.q * h,
-        rope.rho * c * w_x + per_size * y[6],
-        rope.rho * c * w_y + per_size * y[7],
+        rope.rho * (p.h * p.dw_x + p.dh * p.w_x),
+        rope.rho * (p.h * p.dw_y + p.dh * p.w_y) - rope.q * p.h,
+        rope.rho * p.c * p.w_x + per_size * y[6],
+        rope.rho * p.c * p.w_y + per_size * y[7],
         -material - (1.0 - xi) * rope.rho * momentum,
         material - xi * rope.rho * momentum,
-        N,
     )
+
+
+@inner
+def set_density_changes(rope: Rope, EA: float, xi: float, y: Any, p: PointFields, d: Array, out: Array) -> None:
+    """Set out (6,) to the derivative of `densities` along a change d (16,) of y, real or complex."""
+    h = d[11] - d[10]
+    dh = d[13] - d[12]
+    c = d[12] * (1.0 - xi) + d[13] * xi
+    dc = d[14] * (1.0 - xi) + d[15] * xi
+    per_h = 1.0 / p.h
+    flow = (c - p.flow * h) * per_h
+    slowing = (flow * p.dh + p.flow * dh - dc - p.slowing * h) * per_h
+    w_x = d[2] - flow * y[6] - p.flow * d[6]
+    w_y = d[3] - flow * y[7] - p.flow * d[7]
+    dw_x = d[4] - flow * y[8] - p.flow * d[8] + slowing * y[6] + p.slowing * d[6]
+    dw_y = d[5] - flow * y[9] - p.flow * d[9] + slowing * y[7] + p.slowing * d[7]
+    size = (y[6] * d[6] + y[7] * d[7]) * (1.0 / p.size)
+    N = EA * per_h * (size - p.lam * h)
+    momentum = dw_x * y[6] + dw_y * y[7] + w_x * y[8] + w_y * y[9]
+    momentum += p.dw_x * d[6] + p.dw_y * d[7] + p.w_x * d[8] + p.w_y * d[9]
+    kinetic = p.w_x * w_x + p.w_y * w_y + flow * (p.w_x * y[6] + p.w_y * y[7])
+    kinetic += p.flow * (w_x * y[6] + w_y * y[7] + p.w_x * d[6] + p.w_y * d[7])
+    material = -p.lam * N - rope.q * d[1] - rope.rho * kinetic  # dW = N dlam
+    per_size = p.N / p.size
+    turn = (N - per_size * size) * (1.0 / p.size)
+    out[0] = rope.rho * (h * p.dw_x + p.h * dw_x + dh * p.w_x + p.dh * w_x)
+    out[1] = rope.rho * (h * p.dw_y + p.h * dw_y + dh * p.w_y + p.dh * w_y) - rope.q * h
+    out[2] = rope.rho * (c * p.w_x + p.c * w_x) + turn * y[6] + per_size * d[6]
+    out[3] = rope.rho * (c * p.w_y + p.c * w_y) + turn * y[7] + per_size * d[7]
+    out[4] = -material - (1.0 - xi) * rope.rho * momentum
+    out[5] = material - xi * rope.rho * momentum
 
 
 @inner
@@ -162,10 +216,10 @@ def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -
             tension = 0.0
             for g in range(mesh.weights.size):
                 y = motion_at_point(line, at, k, e, g)
-                of_point = densities(line.rope, line.law[:, k, e * mesh.weights.size + g], mesh.xi[e, g], y)
+                fields = fields_at_point(line.law[:, k, e * mesh.weights.size + g], mesh.xi[e, g], y)
+                value_x, value_y, slope_x, slope_y, left, right = densities(line.rope, mesh.xi[e, g], y, fields)
                 weight = mesh.weights[g]
-                value_x, value_y, slope_x, slope_y, left, right, N = of_point
-                tension += weight * mesh.dofs.shape[0] * N
+                tension += weight * mesh.dofs.shape[0] * fields.N
                 for i in range(mesh.dofs.shape[1]):
                     slot = first + 2 * mesh.dofs[e, i]
                     phi = weight * mesh.phi[g, i]
@@ -234,72 +288,54 @@ def add_car_rows_and_set_loads(line: Line, i: int, at: Coordinates, rows: Array,
 
 
 @compiled
-def add_rope_tangents(line: Line, at: Coordinates, factors: Array, matrices: Bands) -> None:
-    """Add c0 d/dq + c1 d/dv + c2 d/da of the rows of the segments at one instant, see `Segments.tangent`.
-
-    factors : (m, 3) c0, c1, c2.
-    """
+def add_rope_tangent(line: Line, at: Coordinates, c: Array, matrix: Bands) -> None:
+    """Add c0 d/dq + c1 d/dv + c2 d/da of the rows of the segments at one instant, see `Segments.tangent`."""
     mesh = line.mesh
-    y = np.empty(16, np.complex128)
-    J = np.empty((16, 6))
-    by_value = np.empty((2, 6))
-    by_slope = np.empty((2, 6))
-    by_end = np.empty((2, 6))
+    change = np.empty(16, c.dtype)
+    by_value = np.empty((2, 6), c.dtype)
+    by_slope = np.empty((2, 6), c.dtype)
+    by_end = np.empty((2, 6), c.dtype)
     for k in range(line.law.shape[1]):
         for e in range(mesh.dofs.shape[0]):
             for g in range(mesh.weights.size):
-                motion = motion_at_point(line, at, k, e, g)
-                for i in range(16):
-                    y[i] = motion[i]
-                for i in range(16):
-                    y[i] += 1e-30j
-                    of_point = densities(line.rope, line.law[:, k, e * mesh.weights.size + g], mesh.xi[e, g], y)
-                    y[i] = y[i].real
-                    for row in range(6):
-                        J[i, row] = mesh.weights[g] * (of_point[row].imag / 1e-30)
-                for m in range(len(factors)):
-                    set_combinations(factors[m], J, by_value, by_slope, by_end)
-                    add_point(line, matrices, (m, k, e, g), by_value, by_slope, by_end)
-
-
-@inner
-def set_combinations(factors: Array, J: Array, by_value: Array, by_slope: Array, by_end: Array) -> None:
-    """Set derivatives (2, 6) by values and slopes of x and y, and by both ends, of those by the motion J (16, 6)."""
-    for b in range(2):
-        for row in range(6):
-            by_value[b, row] = 0.0
-            by_end[b, row] = 0.0
-            for order in range(3):
-                by_value[b, row] += factors[order] * J[2 * order + b, row]
-                by_end[b, row] += factors[order] * J[10 + 2 * order + b, row]
-            by_slope[b, row] = factors[0] * J[6 + b, row] + factors[1] * J[8 + b, row]
+                law = line.law[:, k, e * mesh.weights.size + g]
+                xi = mesh.xi[e, g]
+                y = motion_at_point(line, at, k, e, g)
+                fields = fields_at_point(law, xi, y)
+                for b in range(2):
+                    for first, orders, out in ((0, 3, by_value[b]), (6, 2, by_slope[b]), (10, 3, by_end[b])):
+                        change[:] = 0.0
+                        for order in range(orders):
+                            change[first + 2 * order + b] = mesh.weights[g] * c[order]
+                        set_density_changes(line.rope, law[0], xi, y, fields, change, out)
+                add_point(line, matrix, (k, e, g), by_value, by_slope, by_end)
 
 
 @inner
 def add_point(
-    line: Line, matrices: Bands, at: tuple[int, int, int, int], by_value: Array, by_slope: Array, by_end: Array
+    line: Line, matrix: Bands, at: tuple[int, int, int], by_value: Array, by_slope: Array, by_end: Array
 ) -> None:
-    """Add to matrix m what point g of element e of segment k gives; at : m, k, e, g."""
-    m, k, e, g = at
+    """Add what point g of element e of segment k gives; at : k, e, g."""
+    k, e, g = at
     mesh = line.mesh
     nodes = mesh.dofs[e]
     first = 2 * k * (mesh.ends.shape[1] - 1)
-    diagonal = matrices.ab.shape[2] // 2
+    diagonal = matrix.ab.shape[1] // 2
     for j in range(nodes.size):
         u = mesh.phi[g, j]
         d = mesh.phi_xi[g, j]
         for b in range(2):
             column = first + 2 * nodes[j] + b
             for end in range(2):
-                matrices.rows[m, k + end, column] += u * by_value[b, 4 + end] + d * by_slope[b, 4 + end]
-                matrices.columns[m, column, k + end] += u * by_end[end, b] + d * by_end[end, 2 + b]
+                matrix.rows[k + end, column] += u * by_value[b, 4 + end] + d * by_slope[b, 4 + end]
+                matrix.columns[column, k + end] += u * by_end[end, b] + d * by_end[end, 2 + b]
             for x in range(2):
                 of_value = u * by_value[b, x] + d * by_slope[b, x]
                 of_slope = u * by_value[b, 2 + x] + d * by_slope[b, 2 + x]
                 for i in range(nodes.size):
                     row = first + 2 * nodes[i] + x
                     entry = mesh.phi[g, i] * of_value + mesh.phi_xi[g, i] * of_slope
-                    matrices.ab[m, row, diagonal + column - row] += entry
+                    matrix.ab[row, diagonal + column - row] += entry
     for end in range(2):
         for other in range(2):
-            matrices.corner[m, k + other, k + end] += by_end[end, 4 + other]
+            matrix.corner[k + other, k + end] += by_end[end, 4 + other]
