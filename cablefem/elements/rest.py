@@ -59,7 +59,7 @@ def car_loads_at_rest(system: LineBalance, t: float, phase: int) -> CarLoadsAndM
     hauled = np.array([car.travel is not None for car in system.line.cars_on_rope])
     none = np.zeros(hauled.size)
     at_rest = cars._replace(thrust=none, brake=none, rear_brake=none, hold=none)
-    return at_rest._replace(friction=cars.friction * hauled)
+    return at_rest._replace(sign=cars.sign * hauled)
 
 
 def _solve_rest_by_newton(

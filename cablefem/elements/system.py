@@ -96,7 +96,7 @@ class LineElements(LineInMotion, LineBalance):
         pressing = np.abs(self._pressing_forces(x, rows, self.loads[0], now))
         loads = np.bincount(self._pressing, pressing)
         none = np.zeros_like(now.hold)
-        frictionless = now._replace(hold=none, brake=none, friction=none)
+        frictionless = now._replace(hold=none, sign=none)
         rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, frictionless))
         needed = rows[slots] / stretch
         behind = y[:, 0:2]

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from cablefem.elements.system import LineElements
-from cablefem.scene.bodies import Hanger
+from cablefem.scene.bodies import Hanger, Wheels
 from galerkin.lines import LineSines
 from tests.motion.lines import ALONG_S, IN_X, LEFT, SPRUNG, THREE, WEIGHED, anchor, car, line, saddle
 
@@ -117,3 +117,17 @@ def test_a_car_hangs_on_three_spans_and_does_not_stand_on_a_compressed_rope(wing
     x = system.observe([system.start(0, None)], np.array([0.0]))
     assert x.cars[0].tension_ahead[0] == pytest.approx(88600.6012, rel=1e-4)  # elastic catenaries
     assert x.contacts[-1].tension_behind[0] == pytest.approx(101508.3519, rel=1e-4)
+
+
+@pytest.mark.parametrize("wing", WINGS)
+def test_a_held_rider_on_two_wheels_has_no_friction_before_it_rolls(wing):
+    wheels = Wheels(base=0.8, inertia=30.0, below=0.7)
+    rider = replace(car("rider", 100.0, None, "free", start=15.0, mu_r=0.02, release=0.5), wheels=wheels)
+    fibre = line({"mass_per_length": 0.25, "EA": 2.5e5, "length": 98.5}, LEFT, rider, anchor("right", 100.0, 12.0))
+    system = WINGS[wing][0](fibre)
+    rear, front = system.observe([system.start(0, None)], np.array([0.0])).cars[0].turning.wheels
+    slopes = np.array([rear.slope_behind, rear.slope_ahead, front.slope_behind, front.slope_ahead])[:, 0]
+    tensions = 2.5e5 * (np.linalg.norm(slopes, axis=1) - 1.0)
+    assert tensions[0] == pytest.approx(tensions[1], abs=1.0)  # friction would be 12 N
+    hold = float(system.hold[0] if wing == "elements" else system.holds[1])
+    assert hold == pytest.approx(tensions[3] - tensions[2], abs=1.0)
