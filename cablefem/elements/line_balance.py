@@ -88,7 +88,7 @@ class LineBalance(LineCoordinates):
                 mass = end.force / self.line.gravity * (1.0 + end.force / EA)
                 potential = self.line.weight_per_length * end.point[1]
                 weights.append((self.s[k], end.force, sign, mass, potential, self.segments.rho, EA))
-        slots, self.stiffness, self.unloaded = np.array(springs).reshape(-1, 3).T
+        slots, self.stiffness, self.unloaded = np.array(springs).reshape(-1, 3).T.copy()  # rows, as kernels take them
         self.springs = slots.astype(int)
         table = np.array(weights).reshape(-1, 7)
         self.weights = table[:, 0].astype(int)

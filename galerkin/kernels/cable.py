@@ -257,7 +257,7 @@ def set_tangent_with_gripping_mass(
 
 
 @compiled
-def smoothed_min_tension_and_position(points: Points, s_o: float, tensions: Array, hat: int = 1) -> tuple[float, float]:
+def smoothed_min_tension_and_position(points: Points, s_o: float, tensions: Array, hat: int) -> tuple[float, float]:
     """Smallest tension and its s; a negative one counts as its mean over a shortest wave of the basis, 2/n.
 
     hat : 0 for a basis without one

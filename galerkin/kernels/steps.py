@@ -150,7 +150,7 @@ def set_residual_and_derivatives(
         c = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
         set_tangent(now, ride, sines, workspace, car, c)
         copy_into(workspace.K, derivatives[k])
-    lowest = smoothed_min_tension_and_position(now.points, kinematics[0], workspace.tensions)
+    lowest = smoothed_min_tension_and_position(now.points, kinematics[0], workspace.tensions, hat=1)
     return CarAndMinTension(car, lowest)
 
 
@@ -256,7 +256,7 @@ def solve_step(now: Instant, step: Step, newton: Newton) -> StepOutcome:
         now, car, norm, tried = correct_end_until_residual_falls(now, step, newton, before, iterations)
         evaluations += tried
         iterations += 1
-    lowest, where = smoothed_min_tension_and_position(now.points, now.at_mass.s_o, workspace.tensions)
+    lowest, where = smoothed_min_tension_and_position(now.points, now.at_mass.s_o, workspace.tensions, hat=1)
     return StepOutcome(norm, iterations, factorisations, evaluations, lowest, where)
 
 

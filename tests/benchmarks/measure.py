@@ -59,11 +59,11 @@ def repeated(measure: Callable[[], float], repeats: int) -> list[float]:
     return [measure() for _ in range(repeats)]
 
 
-def runs(method: str, repeats: int) -> None:
+def runs(method: str, repeats: int, variant_count: int = 100) -> None:
     """Rows of a method over its march."""
     scene = cf.Scene.load("level")
     how = HOW[method]
-    variants = list(scene.variants({"mass.mass": [2_000.0 + i for i in range(100)]}))
+    variants = list(scene.variants({"mass.mass": [2_000.0 + i for i in range(variant_count)]}))
 
     def whole() -> None:
         r = run(scene, method, until=UNTIL, **how)
@@ -81,7 +81,7 @@ def runs(method: str, repeats: int) -> None:
         "the same with bars of coarser runs": lambda: cf.run(scene, method, until=UNTIL, **how).summary(),
     }
     times = {name: repeated(partial(own_time, work), repeats) for name, work in rows.items()}
-    times["100 variants, path alone"] = repeated(
+    times[f"{variant_count} variants, path alone"] = repeated(
         lambda: own_time(lambda: [cf.run(x, method, until=UNTIL, **how) for x in variants]), FEW
     )
     show(f"{method}, over the march", min(times["march"]), times)

@@ -203,7 +203,7 @@ def test_a_grid_of_scenes_is_a_table_and_a_page(cablefem):
 
 
 def test_outcome_and_table_round_a_position_alike(cablefem):
-    masses = ("--set", "mass.mass=50:70:21")
+    masses = ("--set", "mass.mass=50:56:7")
     code, out, _ = cablefem("run", "zipline", "--model", "quasi-static", *masses, "--out", "x")
     assert code == 0
     stopped = re.findall(r"stops in the brake at ([\d.]+) m, .* after [\d.]+ s +[\d.]+ +([\d.]+)", out)

@@ -372,7 +372,9 @@ def test_a_cluster_of_its_own_and_the_page(tmp_path):
     assert f'"study": "{tmp_path}/study.toml"' in scenes.html
 
 
-def test_a_scheduler_that_is_not_there_is_said(tmp_path):
+def test_a_scheduler_that_is_not_there_is_said(tmp_path, monkeypatch):
+    client = distributed.Client
+    monkeypatch.setattr(distributed, "Client", lambda address, timeout: client(address, timeout="0.2s"))
     with pytest.raises(Refused, match=r"--scheduler tcp://127\.0\.0\.1:9"):
         engine.sweep(study_of_count(2), tmp_path, scheduler="tcp://127.0.0.1:9", work=rows_or_dying_worker)
 

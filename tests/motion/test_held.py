@@ -56,7 +56,6 @@ RIDERS = ROPE + rider_toml("rear", 80.0, 8.0, (60.0, 500.0)) + rider_toml("ahead
 FRICTION = "friction that holds cars"
 WINGS = {
     "elements": lambda scene, n: LineElements(scene, elements=n),
-    "numpy": lambda scene, n: LineElements(scene, elements=n, compiled=False),
     "sines": lambda scene, n: LineSines(scene, 2 * n),
 }
 

@@ -155,9 +155,22 @@ def test_a_disagreement_is_looked_at_once_more_finer_in_space_and_time_and_then_
         assert after[name] == pytest.approx(1.5 * before[name], abs=1.0)
 
 
-def test_refinement_goes_on_when_a_finer_run_does_away_with_a_disagreement():
-    scene = Scene.from_groups(sag_ratio=0.0255, slope=6.6, mu=2.633, alpha=1376.0, speed_ratio=0.383)
-    assert check(scene, tol=1e-2, tol_tension=0.15, until=0.95).verdict is Verdict.AGREE
+def test_refinement_goes_on_when_a_finer_run_does_away_with_a_disagreement(monkeypatch):
+    """A gap beyond bars that are too small by chance, then bars that are too large, then answers as they are."""
+    compare, verdicts = study.compare_answers, []
+    changes = [lambda row: {"gap": 9.0 * row.allowed}, lambda row: {"required": 0.7 * row.allowed}]
+
+    def changed_at_first(scene, a, b, asked):
+        rows = compare(scene, a, b, asked)
+        if len(verdicts) < len(changes):
+            rows[0] = dataclasses.replace(rows[0], **changes[len(verdicts)](rows[0]))
+        verdicts.append(worst_deciding_verdict(rows[:1]))
+        return rows
+
+    monkeypatch.setattr(study, "compare_answers", changed_at_first)
+    assert check(LEVEL, tol=0.1, ask="path").verdict is Verdict.AGREE
+    assert verdicts[:2] == [Verdict.DISAGREE, Verdict.TOO_COARSE]
+    assert len(verdicts) > 2
 
 
 def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right_answers):

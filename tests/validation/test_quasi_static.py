@@ -161,10 +161,9 @@ def test_energy_along_the_ride_sees_a_fault_in_its_forces(fault):
     assert quasi_static_energy_row(dataclasses.replace(wrong, scene_toml=right.scene_toml)).verdict is Verdict.DISAGREE
 
 
-@pytest.mark.parametrize("sag", [240.0, 600.0])
-def test_a_rope_deeper_than_its_span_is_computed_as_well_as_a_taut_one(sag, tmp_path):
+def test_a_rope_deeper_than_its_span_is_computed_as_well_as_a_taut_one(tmp_path):
     """Between its supports it turns within a thirtieth of its length: Gauss points and nodes must see the turn."""
-    scene = Scene.from_toml(README).replace({"cable.sag": sag})
+    scene = Scene.from_toml(README).replace({"cable.sag": 600.0})
     energy = quasi_static_energy_row(quasi_static(scene))
     assert energy.verdict is Verdict.AGREE
     assert energy.gap < 1e-4

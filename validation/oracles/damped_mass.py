@@ -13,6 +13,7 @@ Group: Damped cables
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,7 @@ def load_displacement(t: Array, *, mu: float, P: float, V: float, s0: float, c: 
     return np.append(0.0, G @ F)
 
 
+@cache
 def extrapolated_load_displacement(t_end: float, **parameters: float) -> CubicSpline:
     """y(t): errors fall like 1/n^2."""
     t = np.linspace(0.0, t_end, 151)
