@@ -11,6 +11,7 @@ from numba import literal_unroll
 
 from cablefem.compiled import compiling_decorator
 from cablefem.newmark.marching import Mode, StepsWithFactors
+from cablefem.newmark.newton import FAST
 from cablefem.newmark.states import Array
 from cablefem.newmark.tableau import Tableau
 
@@ -86,7 +87,7 @@ def correct_until_converged(march: March, k: int) -> bool:
         subtract_corrections(march, k, 1.0)
         norm = set_residuals_return_norm(march, k)
         iterations += 1
-        converged = norm <= newton.bound and norm <= newton.fast * max(before, newton.bound)
+        converged = norm <= newton.bound and norm <= FAST * max(before, newton.bound)
         if converged:
             set_corrections(march)
             subtract_corrections(march, k, 1.0)
@@ -98,7 +99,7 @@ def correct_until_converged(march: March, k: int) -> bool:
     result[0] = norm
     result[1] = iterations
     result[3] = iterations + 1
-    result[4] = 1.0 if norm <= newton.fast * before else 0.0
+    result[4] = 1.0 if norm <= FAST * before else 0.0
     return converged
 
 

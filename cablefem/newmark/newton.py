@@ -4,6 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+FAST = 0.1  # rate of convergence with which the tangent of a step before serves the next one
+
 
 class Newton(NamedTuple):
     """Settings of Newton's method; converged: |r| <= bound = tol force_scale + sqrt(n_dof) force_floor.
@@ -20,7 +22,6 @@ class Newton(NamedTuple):
     enough: float = math.inf
     halvings: int = 5
     bound: float = 0.0  # `Stepper` sets it
-    fast: float = 0.1  # rate of convergence with which the tangent of a step before serves the next one
 
     def needs_too_many_iterations(self, norm: float, norm_before: float, iterations: int) -> bool:
         """Whether |r|, falling at its present rate, is above the bound after `enough` iterations."""
@@ -73,7 +74,7 @@ def find_root(
         if converged or not norm < math.inf or newton.needs_too_many_iterations(norm, before, iterations):
             break
         new_tangent = norm > newton.reuse * before
-    serves = norm <= newton.bound and norm <= newton.fast * before
+    serves = norm <= newton.bound and norm <= FAST * before
     return StepResult(norm, iterations, factorisations, residuals, serves)
 
 
@@ -111,9 +112,9 @@ def _correct_by_earlier_tangent(
         r = residual()
         norm = math.sqrt(r.dot(r))
         iterations += 1
-        if norm <= newton.bound and norm <= newton.fast * max(before, newton.bound):
+        if norm <= newton.bound and norm <= FAST * max(before, newton.bound):
             subtract(solve(r))
-            return StepResult(norm, iterations, 0, iterations + 1, norm <= newton.fast * before), True
+            return StepResult(norm, iterations, 0, iterations + 1, norm <= FAST * before), True
         if not norm < before:
             subtract(-correction)
         if not norm <= newton.reuse * before:

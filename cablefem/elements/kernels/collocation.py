@@ -21,9 +21,9 @@ from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve_
 from cablefem.elements.kernels.car import CarOnMesh, is_before_event
 from cablefem.elements.kernels.newton import NO_TANGENT, assemble_balance
 from cablefem.newmark import Array, Newton, Tableau
+from cablefem.newmark.collocation import SAME_STEP
 from cablefem.newmark.compiled_collocation import set_end_state, set_node_state, set_weighted_sums
 
-SAME_STEP = 1e-6  # relative change of the step with kept factors
 FAST_ENOUGH = 0.03  # rate of convergence with kept factors
 
 
