@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -30,6 +30,7 @@ class LineInMotion(MarchingSystem):
     """A subclass calls `watch`, sets the attributes and defines the methods that raise; it numbers the cars."""
 
     line: MovingLine
+    coordinates_from_unknowns: Callable[..., Any]  # all coordinates with their rates in states t, q, v, a, phase
     reached: Any  # s of cars where their brakes were set, by number
     held_since: Any  # [s] when friction last stopped free cars
 
@@ -79,10 +80,6 @@ class LineInMotion(MarchingSystem):
         raise NotImplementedError
 
     # --- events ------------------------------------------------------------------------------------------------
-    def coordinates_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Any:
-        """All coordinates with their rates at t (...)."""
-        raise NotImplementedError
-
     def contact_positions_and_forces(self, t: Any, coordinates: Any, phase: int) -> tuple[Array, list[Array]]:
         """s of contacts (..., contacts), and forces (...) [N] whose fall to 0 is an event, in the order of `watch`."""
         raise NotImplementedError
@@ -93,10 +90,10 @@ class LineInMotion(MarchingSystem):
 
     def car_point_and_rates(self, name: str, x: State) -> Array:
         """The same (3, 2) in a state."""
-        return self.car_points_and_rates(name, x.t, self.coordinates_at(*x), x.phase)
+        return self.car_points_and_rates(name, x.t, self.coordinates_from_unknowns(*x), x.phase)
 
     def event_values_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
-        coordinates = self.coordinates_at(t, q, v, a, phase)
+        coordinates = self.coordinates_from_unknowns(t, q, v, a, phase)
         with np.errstate(all="ignore"):  # contacts that meet
             s, forces = self.contact_positions_and_forces(t, coordinates, phase)
         gaps = np.diff(s)[..., self.gaps] - NEAREST

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cablefem.newmark import TangentFactors
 from cablefem.scene.contacts import Array, Car, Contact, MovingLine, Wheel
 from galerkin import kernels
 from galerkin.bodies import Body, ContactState, Counterweight, PointCar, Saddle, Spring
@@ -93,8 +94,9 @@ class LineEquations:
         values = kernels.evaluate_line_and_set_derivatives(self.line, Z, frictions, self._blocks, K)
         return values, K[:, :, : self.size]
 
-    def inverse_or_nan(self, tangent: Any) -> Any:
-        """`BlockInverse` of a tangent (n, n); NaN if it has none."""
+    def inverse_or_nan(self, c: TangentFactors, K: Array) -> Any:
+        """`BlockInverse` of the tangent c0 K[0] + c1 K[1] + c2 K[2] (n, n); NaN if it has none."""
+        tangent: Any = c[0] * K[0] + c[1] * K[1] + c[2] * K[2]
         n = self.block_edges[-1]
         blocks = np.zeros((n, n), tangent.dtype)
         by_contacts = tangent[:n, n:]

@@ -12,9 +12,10 @@ from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, Wheel
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array, Contact, MovingLine
 from cablefem.shoes import OffRopeState, contacts_with_shoe_forces, downward_normals, off_rope_motion_and_powers
+from galerkin import kernels
 from galerkin.bodies import Body, CarBody, ContactState, Counterweight, Friction, PointCar, length
 from galerkin.kernels import LineValues
-from galerkin.segments import Layout, basis_functions
+from galerkin.segments import Layout
 
 if TYPE_CHECKING:
     from galerkin.line_off_rope import CarOffRope
@@ -83,7 +84,10 @@ def _rope_history(system: LineSines, states: Sequence[State], s: Array) -> RopeH
         contact_values[some] = values.contact_values.real
         positions[some] = values.Z[0][:, layout.s]
         energies[:, some] = _rope_energies(layout, values)
-        points[some], tension[some] = _points_and_tensions(layout, values, s, integration)
+        integrals = integration @ values.inertia_and_weight
+        kernels.set_points_and_tensions(
+            layout.coordinates, values.Z[0], integrals, values.rope_rows[-2], s, points[some], tension[some]
+        )
     beyond = (s < positions[:, :1]) | (s > positions[:, -1:])
     points[beyond] = np.nan
     tension[beyond] = np.nan
@@ -249,26 +253,3 @@ def _legendre_integration_matrix(layout: Layout) -> Array:
     values = legendre.legvander(2.0 * tables.points - 1.0, orders[-1])  # (G, orders)
     coefficients = (values * tables.weights[:, None] * (2.0 * orders + 1.0)).T
     return np.asarray(0.5 * legendre.legint(coefficients, lbnd=-1.0, axis=0))
-
-
-def _points_and_tensions(layout: Layout, values: LineValues, s: Array, integration: Array) -> tuple[Array, Array]:
-    """Points (n, m, 2) and tensions (n, m) at s, on the segment behind a contact: N t at L and the load from there.
-
-    integration : `_legendre_integration_matrix`
-    """
-    coordinates = values.Z[0]
-    n = len(coordinates)
-    contact_s = coordinates[:, layout.s]
-    row = np.arange(n)[:, None]
-    i = np.sum(contact_s[:, 1:-1, None] < s, axis=1)  # segments (n, m)
-    left = contact_s[row, i]
-    h = (contact_s[row, i + 1] - left)[..., None]  # (n, m, 1)
-    xi = (s - left) / h[..., 0]
-    u = coordinates[:, layout.columns[:, :-2]].reshape(n, layout.segments, -1, 2)
-    B = basis_functions(xi.ravel(), layout.terms).reshape(n, s.size, -1)
-    points = (B[..., None, :] @ u[row, i])[..., 0, :]
-    integrals = (integration @ values.inertia_and_weight)[row, i]  # (n, m, G + 1, 2)
-    legendres = legendre.legvander(2.0 * xi - 1.0, len(integration) - 1)
-    load = h * (legendres[..., None, :] @ integrals)[..., 0, :]
-    minus_force_at_left = values.rope_rows[-2, row, i]
-    return points, length(load - minus_force_at_left)

@@ -113,11 +113,11 @@ class LineSines(LineInMotion):
 
     def coordinates_with_rates(self, x: State) -> Array:
         """All coordinates of a state with their rates (3, layout.size)."""
-        return self._coordinates((x.t,), x.q, x.v, x.a, x.phase)[:, 0]
+        return self.coordinates_from_unknowns(*x)[:, 0]
 
-    def _coordinates(self, times: tuple[float, ...], q: Array, v: Array, a: Array, phase: int) -> Array:
+    def coordinates_from_unknowns(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
         """All coordinates with their rates (3, n, layout.size)."""
-        Z = self._prescribed(times, phase).copy()
+        Z = self._prescribed(tuple(np.ravel(t).tolist()), phase).copy()
         for rates, unknowns in zip(Z, (q, v, a), strict=True):
             rates[:, self.equations.free] = unknowns
         self.layout.set_dependent_coordinates(Z)
@@ -149,13 +149,13 @@ class LineSines(LineInMotion):
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
         r, K = self._residual_and_derivatives(State(t, q, v, a, phase))
-        return r, self.equations.inverse_or_nan(np.tensordot(c, K, 1))
+        return r, self.equations.inverse_or_nan(c, K)
 
     def factorised_tangents(
         self, t: float, q: Array, v: Array, a: Array, phase: int, cs: Sequence[TangentFactors]
     ) -> list[Solve]:
         _, K = self._residual_and_derivatives(State(t, q, v, a, phase))
-        return [self.equations.inverse_or_nan(np.tensordot(c, K, 1)) for c in cs]
+        return [self.equations.inverse_or_nan(c, K) for c in cs]
 
     def take_steps_with_factors(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
         times = tuple(node_times.ravel().tolist())
@@ -296,9 +296,6 @@ class LineSines(LineInMotion):
         return available - np.abs(self._needed_friction(k, times, values))
 
     # --- events ------------------------------------------------------------------------------------------------------
-    def coordinates_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
-        return self._coordinates(tuple(np.ravel(t).tolist()), q, v, a, phase)
-
     def contact_positions_and_forces(self, t: Any, coordinates: Array, phase: int) -> tuple[Array, list[Array]]:
         times = tuple(np.ravel(t).tolist())
         values = self.equations.evaluate(coordinates, self.frictions_at(times))

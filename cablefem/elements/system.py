@@ -155,9 +155,6 @@ class LineElements(LineInMotion, LineBalance):
         return self._kernel.take_steps_with_factors(self.law, cars, self._unknown, self.moving, prescribed, march)
 
     # --- events --------------------------------------------------------------------------------------------
-    def coordinates_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Coordinates:
-        return self.coordinates_from_unknowns(t, q, v, a, phase)
-
     def contact_positions_and_forces(self, t: Any, coordinates: Coordinates, phase: int) -> tuple[Array, list[Array]]:
         rows = self.balance_rows(t, coordinates, phase)
         loads = self.loads.reshape(*np.shape(t), self.loads.shape[-1])

@@ -31,6 +31,7 @@ from galerkin.kernels.line import (
     evaluate_line,
     evaluate_unknowns,
     set_dependent_coordinates,
+    set_points_and_tensions,
 )
 from galerkin.kernels.line_derivatives import evaluate_line_and_set_derivatives
 from galerkin.kernels.line_march import LineInSteps, take_steps_with_factors

@@ -256,3 +256,52 @@ def evaluate_unknowns(line: Line, prescribed: Any, x: Any, frictions: Any) -> Li
             if not Z[0, i, line.at.s[k + 1]] > Z[0, i, line.at.s[k]]:
                 return allocate_values(line, Z)
     return evaluate_line(line, Z, frictions)
+
+
+@compiled
+def set_points_and_tensions(
+    at: Coordinates, Z: Any, integrals: Any, minus_force_at_left: Any, s: Any, points: Any, tension: Any
+) -> None:
+    """Set points (n, m, 2) and tensions (n, m) at s (m,), on the segment behind a contact, from N t at its left end.
+
+    Z : coordinates (n, .);  integrals : Legendre coefficients of those of the load over xi (n, S, G + 1, 2)
+    """
+    M = at.columns.shape[1] // 2 - 1
+    B = np.empty(M)
+    force = np.empty(2)
+    points[:] = 0.0
+    for i in range(Z.shape[0]):
+        for m in range(s.size):
+            k = 0
+            while k < at.columns.shape[0] - 1 and Z[i, at.s[k + 1]] < s[m]:
+                k += 1
+            h = Z[i, at.s[k + 1]] - Z[i, at.s[k]]
+            xi = (s[m] - Z[i, at.s[k]]) / h
+            set_basis_functions(xi, B)
+            for j in range(2 * M):
+                points[i, m, j % 2] += B[j // 2] * Z[i, at.columns[k, j]]
+            before = 0.0
+            legendre = 1.0
+            force[0] = -minus_force_at_left[i, k, 0]
+            force[1] = -minus_force_at_left[i, k, 1]
+            for j in range(integrals.shape[2]):
+                for axis in range(2):
+                    force[axis] += h * legendre * integrals[i, k, j, axis]
+                following = ((2 * j + 1) * (2.0 * xi - 1.0) * legendre - j * before) / (j + 1)
+                before, legendre = legendre, following
+            tension[i, m] = np.sqrt(force[0] ** 2 + force[1] ** 2)
+
+
+@inner
+def set_basis_functions(xi: float, B: Any) -> None:
+    """Set the functions (M,) of a segment at xi."""
+    twice = 2.0 * np.cos(np.pi * xi)
+    before = 0.0
+    sine = np.sin(np.pi * xi)
+    for j in range(B.size - 4):
+        B[j] = sine
+        before, sine = sine, twice * sine - before
+    B[-4] = xi * (1.0 - xi)
+    B[-3] = B[-4] * (1.0 - 2.0 * xi)
+    B[-2] = 1.0 - xi
+    B[-1] = xi
