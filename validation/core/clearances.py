@@ -63,49 +63,60 @@ def clearance_tracks(scene: Scene, r: Response) -> Clearances:
     Empty where the car never passes.  An obstacle is a ground of one point.
     """
     below = 0.0 if scene.mass is None else scene.mass.below
-    rope = rope_and_mass_at_frames(r)
+    f = r.fields
+    frames = rope_and_mass_at_frames(r)
+    rope = np.stack([frames.x, frames.y], axis=2)  # (k, m + 1, 2)
+    ends = float(f.x[0]), float(f.x[-1])
     tracks = {}
     for name, ground in obstacle_and_ground_profiles(scene).items():
-        at_car = _rope_height_at_car(r, ground)
-        tracks["rope", name] = _merged_in_time_order(at_car, _min_rope_height_at_frames(r, rope, ground))
+        at_car = heights_along_path(r.t, r.x, r.y, r.s_o, ground)
+        heights, x = min_rope_heights(rope, ground, ends)
+        of_rope = np.stack([f.t, np.where(np.isinf(heights), np.nan, heights), np.interp(x, f.x, f.s)])
+        tracks["rope", name] = _track_in_time_order(np.concatenate([at_car, of_rope], axis=1))
         tracks["car", name] = at_car._replace(value=at_car.value - below)
     return tracks
 
 
-def _merged_in_time_order(*parts: tuple[Array, ...]) -> Track:
-    """One track of several of times (n,), heights (n,) and positions s (n,), in order of time."""
-    t, height, s = (np.concatenate(x) for x in zip(*parts, strict=True))
-    order = np.argsort(t, kind="stable")
-    return Track(t[order], height[order], s[order])
+def _track_in_time_order(rows: Array) -> Track:
+    """The track of rows (3, n) of times, heights and positions s, in order of time."""
+    return Track(*rows[:, np.argsort(rows[0], kind="stable")])
 
 
-def _rope_height_at_car(r: Response, ground: Array) -> Track:
-    """Height of the rope at the car over the ground (n, 2) [x, depth], at steps and at the ground's points."""
-    over = (r.x > ground[0, 0]) & (r.x < ground[-1, 0])
-    depth_of_ground = np.interp(r.x[over], *ground.T)
-    parts = [(r.t[over], depth_of_ground - r.y[over], r.s_o[over])]
-    for x, depth in ground:
-        is_left = r.x < x
-        i = np.flatnonzero(is_left[:-1] != is_left[1:])  # steps before the car passes x
-        w = (x - r.x[i]) / (r.x[i + 1] - r.x[i])
-        t, y, s_o = (series[i] + w * (series[i + 1] - series[i]) for series in (r.t, r.y, r.s_o))
-        parts.append((t, depth - y, s_o))
-    return _merged_in_time_order(*parts)
+def heights_along_path(t: Array, x: Array, y: Array, s: Array, ground: Array) -> Track:
+    """Heights of a path (n,) over a ground (m, 2) [x, depth]: at points and where it passes a corner.
+
+    s : positions along the rope.
+    """
+    corners, depth = ground.T
+    path = np.stack([t, x, y, s])  # (4, n)
+    parts = [path[:, (x >= corners[0]) & (x <= corners[-1])]]
+    for corner in corners:
+        left = x < corner
+        i = np.flatnonzero(left[:-1] != left[1:])  # steps before it passes the corner
+        w = (corner - x[i]) / (x[i + 1] - x[i])
+        parts.append(path[:, i] + w * (path[:, i + 1] - path[:, i]))
+    times, at, y_at, s_at = np.concatenate(parts, axis=1)
+    return _track_in_time_order(np.stack([times, np.interp(at, corners, depth) - y_at, s_at]))
 
 
-def _min_rope_height_at_frames(r: Response, rope: RopeFrames, ground: Array) -> Track:
-    """Smallest height of the rope over the ground at each frame; nan where there is no ground below it."""
-    heights = np.full(len(rope.x), np.nan)
-    s = np.full(len(rope.x), np.nan)
-    x_ground, depth = ground.T
-    for k, (x_rope, y_rope) in enumerate(zip(rope.x, rope.y, strict=True)):
-        corners = np.union1d(x_rope, x_ground)
-        begin = max(x_rope[0], x_ground[0])
-        end = min(x_rope[-1], x_ground[-1])
-        x = corners[(corners >= begin) & (corners <= end)]
-        if x.size:
-            height = np.interp(x, x_ground, depth) - np.interp(x, x_rope, y_rope)
-            lowest = height.argmin()
-            heights[k] = height[lowest]
-            s[k] = np.interp(x[lowest], r.fields.x, r.fields.s)
-    return Track(r.fields.t, heights, s)
+def min_rope_heights(rope: Array, ground: Array, ends: tuple[float, float]) -> tuple[Array, Array]:
+    """Smallest height (n,) [m] of a rope (n, k, 2) over the ground (m, 2), and its x: at a corner of either; or inf.
+
+    ends : x of the supports; ground beyond them is not beneath the rope.
+    """
+    corners, depth = ground.T
+    beneath = (corners >= ends[0]) & (corners <= ends[1])
+    at_corners = depth[beneath] - rope_depths(rope, corners[beneath])  # (n, corners)
+    x, y = np.moveaxis(rope, 2, 0)  # (n, k)
+    over = (x >= corners[0]) & (x <= corners[-1])
+    at_points = np.where(over, np.interp(x, corners, depth) - y, np.inf)
+    heights = np.concatenate([at_corners, at_points], axis=1)
+    positions = np.concatenate([np.broadcast_to(corners[beneath], at_corners.shape), x], axis=1)
+    rows = np.arange(len(rope))
+    lowest = heights.argmin(axis=1)
+    return heights[rows, lowest], positions[rows, lowest]
+
+
+def rope_depths(points: Array, x: Array) -> Array:
+    """Depths (n, k) [m] at x (k,) [m] of the rope through points (n, m, 2)."""
+    return np.array([np.interp(x, *at_one_time.T) for at_one_time in points])

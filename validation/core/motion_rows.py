@@ -21,7 +21,7 @@ from cablefem.response import Array
 from cablefem.scene.bodies import Wheels
 from cablefem.scene.line import Line, LineRope
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
-from validation.core.clearances import obstacle_and_ground_profiles
+from validation.core.clearances import heights_along_path, min_rope_heights, obstacle_and_ground_profiles
 from validation.core.ladder import Ladder, max_distance
 from validation.core.motion_laws import every_nth_step, relative_energy_defect, rope_chain, tension_behind_or_ahead
 from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel
@@ -459,52 +459,20 @@ def clearance_series(motion: LineMotion, line: Line) -> dict[str, tuple[Array, A
     beneath = obstacle_and_ground_profiles(line)
     below = {car.name: car.below for car in line.car}
     rope = rope_chain(motion).points if beneath else np.empty((motion.t.size, 0, 2))
-    span = line.contact[-1].at[0]
+    ends = 0.0, line.contact[-1].at[0]
     clearances = {}
     for name, ground in beneath.items():
         times = [motion.t]
-        heights = [_min_heights_of_rope(rope, ground, span)]
+        heights = [min_rope_heights(rope, ground, ends)[0]]
         for car in motion.cars:
-            t, height = _heights_along_path(motion.t, car.point, ground)
-            if t.size:
-                times.append(t)
-                heights.append(height)
-                clearances[f"clearance_car:{car.name} over {name}"] = t, height - below[car.name]
+            x, y = car.point.T
+            at_car = heights_along_path(motion.t, x, y, car.s, ground)
+            if at_car.t.size:
+                times.append(at_car.t)
+                heights.append(at_car.value)
+                clearances[f"clearance_car:{car.name} over {name}"] = at_car.t, at_car.value - below[car.name]
         clearances[f"clearance_rope:{name}"] = np.concatenate(times), np.concatenate(heights)
     return clearances
-
-
-def _min_heights_of_rope(rope: Array, ground: Array, span: float) -> Array:
-    """Smallest height (n,) [m] of a rope (n, k, 2) over the ground (m, 2) of a span [m]: at a corner of either."""
-    x, depth = ground.T
-    between = (x >= 0.0) & (x <= span)  # ground beyond the supports is not beneath the rope
-    at_corners = depth[between] - rope_depths(rope, x[between])  # (n, corners)
-    x_rope, y = np.moveaxis(rope, 2, 0)  # (n, k)
-    over = (x_rope >= x[0]) & (x_rope <= x[-1])
-    at_points = np.where(over, np.interp(x_rope, x, depth) - y, np.inf)
-    return np.minimum(at_corners.min(axis=1, initial=np.inf), at_points.min(axis=1))
-
-
-def _heights_along_path(t: Array, path: Array, ground: Array) -> tuple[Array, Array]:
-    """Times and heights [m] of a path (n, 2) over a ground (m, 2): at its points, and where it passes a corner."""
-    x, depth = ground.T
-    over = (path[:, 0] >= x[0]) & (path[:, 0] <= x[-1])
-    times = [t[over]]
-    points = [path[over]]
-    step = np.diff(path, axis=0)
-    for corner in x:
-        left = path[:, 0] < corner
-        i = np.flatnonzero(left[:-1] != left[1:])
-        w = (corner - path[i, 0]) / step[i, 0]
-        times.append(t[i] + w * (t[i + 1] - t[i]))
-        points.append(path[i] + w[:, None] * step[i])
-    x_path, y = np.concatenate(points).T
-    return np.concatenate(times), np.interp(x_path, x, depth) - y
-
-
-def rope_depths(points: Array, x: Array) -> Array:
-    """Depths (n, k) [m] at x (k,) [m] of the rope through points (n, m, 2)."""
-    return np.array([np.interp(x, *at_one_time.T) for at_one_time in points])
 
 
 def bars_of_hand_wheel_loads(line: Line, moved: LineRun, numbers: dict[str, Extreme]) -> dict[str, float]:

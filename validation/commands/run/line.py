@@ -21,6 +21,7 @@ from cablefem.scene.surroundings import GROUND
 from validation.commands.run.lines import TOUCHES, LineAnswers, Row
 from validation.core import store
 from validation.core.answers import STATIONS, Outcome
+from validation.core.clearances import obstacle_and_ground_profiles
 from validation.core.scene_data import ROUNDING
 from validation.page import terminal
 from validation.page.answer import many as table
@@ -90,18 +91,10 @@ def _numbers_at_car(rest: LineRest, position: int, car: Car) -> Row:
         values = {f"{name}:{car.name}": None for name in forces}
     out: Row = {f"x:{car.name}": x, f"depth:{car.name}": depth, f"on:{car.name}": shoe and shoe.name}
     out |= values
-    for name, profile in _profiles_below(line).items():
+    for name, profile in obstacle_and_ground_profiles(line).items():
         if profile[0, 0] <= x <= profile[-1, 0]:
             out[f"clearance_car:{car.name} over {name}"] = float(np.interp(x, *profile.T)) - depth - car.below
     return out
-
-
-def _profiles_below(line: Line) -> dict[str, Array]:
-    """Points (n, 2) [m] of the ground, one of each obstacle: x and depth, by name."""
-    profiles = {o.name: np.array([[o.at, o.top]]) for o in line.obstacle}
-    if line.ground:
-        profiles[GROUND] = np.array(line.ground)
-    return profiles
 
 
 def _depth_on_shoe(rest: LineRest, position: int, car: Car, saddle: tuple[float, float]) -> float:

@@ -25,11 +25,11 @@ from validation.commands.run.lines import TOUCHES, LineAnswers
 from validation.core import motion_laws, store
 from validation.core.agreement import Agreement
 from validation.core.answers import STATIONS, Outcome
+from validation.core.clearances import rope_depths
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import (
     LineRun,
     design_with_bars,
-    rope_depths,
     turning_and_wheel_load_series,
 )
 from validation.core.readback import (
