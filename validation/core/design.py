@@ -21,7 +21,7 @@ from cablefem.scene.bodies import Wheels
 from cablefem.scene.cable import Rope
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.clearances import Clearances, Track, clearance_tracks, obstacle_and_ground_profiles
-from validation.core.ladder import Ladder, max_distance
+from validation.core.ladder import Ladder, bars_of_at_least_gap, max_distance
 from validation.core.measures import (
     is_slack_where_answers_hold,
     last_time_valid_in_all,
@@ -41,12 +41,25 @@ Tracks = Callable[[Response], list[Track]]
 
 @dataclass(frozen=True, slots=True)
 class DesignQuantity:
-    """A number of the design by its definition: the extreme of signals of a run."""
+    """A number of the design by its definition: the extreme of signals of a run, the smallest if its name says min."""
 
-    sign: float  # +1: largest, -1: smallest
+    name: str
     tracks: Tracks
-    inner: bool = False  # meaningless at the ends of range and cable
-    anywhere: bool = False  # taken up to the end of the run, with gaps between its samples
+
+    @property
+    def sign(self) -> float:
+        """+1: largest, -1: smallest."""
+        return -1.0 if self.name.partition(":")[0].endswith("_min") else 1.0
+
+    @property
+    def inner(self) -> bool:
+        """Whether it is meaningless at the ends of range and cable."""
+        return self.name in ("deepest_point", "mass_deepest")
+
+    @property
+    def anywhere(self) -> bool:
+        """Whether it is taken up to the end of the run, with gaps between its samples."""
+        return self.name.startswith("clearance_")
 
 
 def _tracks_at_mass(*signals: Callable[[Response], Array]) -> Tracks:
@@ -107,36 +120,32 @@ def _depth_tracks(r: Response) -> list[Track]:
     return [Track(r.t, r.y, r.s_o), Track(f.t, f.y + f.v, f.s)]
 
 
-def _horizontal_magnitude(reaction: Array) -> Array:
-    return np.abs(reaction[:, 0])
+def _reaction_tracks(side: str) -> dict[str, Tracks]:
+    return {
+        f"reaction_{side}_max": _tracks_at_support(side),
+        f"reaction_{side}_horizontal_max": _tracks_at_support(side, lambda reaction: np.abs(reaction[:, 0])),
+        f"reaction_{side}_vertical_max": _tracks_at_support(side, lambda reaction: np.abs(reaction[:, 1])),
+    }
 
 
-def _vertical_magnitude(reaction: Array) -> Array:
-    return np.abs(reaction[:, 1])
-
-
-QUANTITIES: dict[str, DesignQuantity] = {
-    "tension_max": DesignQuantity(1.0, _tension_tracks),
-    "tension_min": DesignQuantity(-1.0, _tension_tracks),
-    "reaction_left_max": DesignQuantity(1.0, _tracks_at_support("left")),
-    "reaction_left_horizontal_max": DesignQuantity(1.0, _tracks_at_support("left", _horizontal_magnitude)),
-    "reaction_left_vertical_max": DesignQuantity(1.0, _tracks_at_support("left", _vertical_magnitude)),
-    "reaction_right_max": DesignQuantity(1.0, _tracks_at_support("right")),
-    "reaction_right_horizontal_max": DesignQuantity(1.0, _tracks_at_support("right", _horizontal_magnitude)),
-    "reaction_right_vertical_max": DesignQuantity(1.0, _tracks_at_support("right", _vertical_magnitude)),
-    "contact_max": DesignQuantity(1.0, _tracks_at_mass(lambda r: r.F_contact)),
-    "contact_min": DesignQuantity(-1.0, _tracks_at_mass(lambda r: r.F_contact)),
-    "haul_force_max": DesignQuantity(1.0, _driving_force_tracks("haul", np.abs)),
-    "haul_force_min": DesignQuantity(-1.0, _driving_force_tracks("haul")),
-    "thrust_max": DesignQuantity(1.0, _driving_force_tracks("free", np.abs)),
-    "thrust_min": DesignQuantity(-1.0, _driving_force_tracks("free")),
-    "deepest_point": DesignQuantity(1.0, _depth_tracks, inner=True),
-    "mass_deepest": DesignQuantity(1.0, _tracks_at_mass(lambda r: r.y), inner=True),
-    "mass_deflection_max": DesignQuantity(1.0, _tracks_at_mass(lambda r: r.v)),
-    "speed_max": DesignQuantity(1.0, _tracks_at_mass(lambda r: r.speed)),
-    "car_deceleration_max": DesignQuantity(1.0, _free_car_deceleration_tracks),
-    "angle_left": DesignQuantity(1.0, _tracks_at_support("left", _degrees_to_horizontal)),
-    "angle_right": DesignQuantity(1.0, _tracks_at_support("right", _degrees_to_horizontal)),
+TRACKS: dict[str, Tracks] = {
+    "tension_max": _tension_tracks,
+    "tension_min": _tension_tracks,
+    **_reaction_tracks("left"),
+    **_reaction_tracks("right"),
+    "contact_max": _tracks_at_mass(lambda r: r.F_contact),
+    "contact_min": _tracks_at_mass(lambda r: r.F_contact),
+    "haul_force_max": _driving_force_tracks("haul", np.abs),
+    "haul_force_min": _driving_force_tracks("haul"),
+    "thrust_max": _driving_force_tracks("free", np.abs),
+    "thrust_min": _driving_force_tracks("free"),
+    "deepest_point": _depth_tracks,
+    "mass_deepest": _tracks_at_mass(lambda r: r.y),
+    "mass_deflection_max": _tracks_at_mass(lambda r: r.v),
+    "speed_max": _tracks_at_mass(lambda r: r.speed),
+    "car_deceleration_max": _free_car_deceleration_tracks,
+    "angle_left": _tracks_at_support("left", _degrees_to_horizontal),
+    "angle_right": _tracks_at_support("right", _degrees_to_horizontal),
 }
 
 
@@ -149,7 +158,7 @@ def axial_round_trip_time(toml: str, length: float) -> float:
     return SceneData(toml, length).round_trip
 
 
-def design_quantities(scene: Scene) -> dict[str, DesignQuantity]:
+def design_quantities(scene: Scene) -> list[DesignQuantity]:
     """Quantities of a scene, with clearances, which are computed once for each run of a ladder."""
     computed: dict[int, Clearances] = {}
 
@@ -158,20 +167,17 @@ def design_quantities(scene: Scene) -> dict[str, DesignQuantity]:
             computed[id(r)] = clearance_tracks(scene, r)
         return [computed[id(r)][key]]
 
-    quantities = dict(QUANTITIES)
+    tracks = dict(TRACKS)
     for name in obstacle_and_ground_profiles(scene):
         for body in ("rope", "car"):
-            tracks = partial(clearance_track, (body, name))
-            quantities[f"clearance_{body}_min:{name}"] = DesignQuantity(-1.0, tracks, anywhere=True)
+            tracks[f"clearance_{body}_min:{name}"] = partial(clearance_track, (body, name))
     if "sag_growth" in demands_of_limits(scene):
-        quantities["sag_car_max"] = DesignQuantity(1.0, _car_sag_tracks)
+        tracks["sag_car_max"] = _car_sag_tracks
     if scene.mass is not None and scene.mass.wheels is not None:
         one = np.ones(1)
         for name in rope_stresses_under_wheel(scene.cable, scene.mass.wheels, one, one):
-            sign = -1.0 if name.endswith("min") else 1.0
-            tracks = partial(_stress_tracks_behind_and_ahead, scene.cable, scene.mass.wheels, name)
-            quantities[name] = DesignQuantity(sign, tracks)
-    return quantities
+            tracks[name] = partial(_stress_tracks_behind_and_ahead, scene.cable, scene.mass.wheels, name)
+    return list(map(DesignQuantity, tracks, tracks.values()))
 
 
 def _stress_tracks_behind_and_ahead(rope: Rope, wheels: Wheels, stress_name: str, r: Response) -> list[Track]:
@@ -267,8 +273,8 @@ def design_numbers(ladder_or_run: Ladder | Response, counterpart: Ladder | None 
     r = ladder_or_run.finest if isinstance(ladder_or_run, Ladder) else ladder_or_run
     other = None if counterpart is None else counterpart.finest
     scene = _scene_of_toml(r.scene_toml)
-    signals = signals_over_common_time(r, other)
-    extremes = [_number_of_extreme(name, signal, r, ladder) for name, signal in signals.items()]
+    signals = signals_over_common_time(r, other).values()
+    extremes = [_number_of_extreme(signal, r, ladder) for signal in signals]
     numbers = [number for number in extremes if number is not None]
     numbers = list(_with_top_speed_of_timetable(scene, numbers))
     safety_factor = _safety_factor_number(r, numbers)
@@ -308,7 +314,8 @@ def signals_over_common_time(r: Response, other: Response | None = None) -> dict
     until_valid = (float(r.t[0]), last_time_valid_in_all(r, other or r))
     round_trip = axial_round_trip_time(r.scene_toml, r.length)
     signals = {}
-    for name, quantity in design_quantities(_scene_of_toml(r.scene_toml)).items():
+    for quantity in design_quantities(_scene_of_toml(r.scene_toml)):
+        name = quantity.name
         follows_force = unit_of(name) in ("N", "deg", "Pa", "m/s2") or name == "tension_over_wheel_min"
         times = until_valid if quantity.anywhere else time_span
         signals[name] = Signal(quantity, times, round_trip if follows_force else 0.0)
@@ -318,22 +325,8 @@ def signals_over_common_time(r: Response, other: Response | None = None) -> dict
 def widen_bars_to_gaps(numbers: Sequence[Number], others: Sequence[Number]) -> list[Number]:
     """Design numbers with bars of at least the gap to the other solver's."""
     other = {row["quantity"]: row for row in others}
-    rows = []
-    for number in numbers:
-        changed = dict(number)
-        for name, bar in (("value", "bar"), ("peak", "bar_peak")):
-            gap = _gap_of_numbers(name, number, other.get(number["quantity"]))
-            if gap is not None and number[bar] is not None:
-                changed[bar] = max(number[bar], gap)
-        rows.append(changed)
-    return rows
-
-
-def _gap_of_numbers(column: str, number: Number, other: Number | None) -> float | None:
-    """Distance of two solvers in a column, "value" or "peak"; None where one of them does not know it."""
-    if other is None or number[column] is None or other[column] is None:
-        return None
-    return float(abs(number[column] - other[column]))
+    bars = {"value": "bar", "peak": "bar_peak"}
+    return [number | bars_of_at_least_gap(number, other.get(number["quantity"]), bars) for number in numbers]
 
 
 def design_gap_rows(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreement]:
@@ -341,9 +334,9 @@ def design_gap_rows(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreemen
     other = {row["quantity"]: row for row in b.finest.design}
     for number in a.finest.design:
         counterpart = other.get(number["quantity"])
-        gap = _gap_of_numbers("value", number, counterpart)
-        if counterpart is None or gap is None:
+        if counterpart is None or None in (number["value"], counterpart["value"]):
             continue
+        gap = abs(number["value"] - counterpart["value"])
         size = max(abs(number["value"]), abs(counterpart["value"])) or 1.0
         bars = []
         for ladder, row in ((a, number), (b, counterpart)):
@@ -353,15 +346,16 @@ def design_gap_rows(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreemen
         yield Agreement("design gap", gap / size, bound, law=number["quantity"], required=tolerance, decides=False)
 
 
-def _number_of_extreme(quantity: str, signal: Signal, r: Response, ladder: Ladder | None) -> Number | None:
+def _number_of_extreme(signal: Signal, r: Response, ladder: Ladder | None) -> Number | None:
     """The extreme of a signal, a force with its peak; None: there is none inside the range.
 
     Of a clearance without samples the row of an unknown value.
     """
+    quantity = signal.quantity.name
     unit = unit_of(quantity)
     extreme = signal.extreme(r)
     if extreme is None:
-        return _design_row(quantity, None, math.inf, unit) if quantity.startswith("clearance_") else None
+        return _design_row(quantity, None, math.inf, unit) if signal.quantity.anywhere else None
     if signal.quantity.inner and _is_at_boundary(extreme, r, signal.time_span):
         return None
     bar = math.inf

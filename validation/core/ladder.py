@@ -30,6 +30,17 @@ def max_distance(a: Any, b: Any) -> float:
     return float(np.max(np.abs(np.subtract(a, b)), initial=0.0))
 
 
+def bars_of_at_least_gap(
+    row: dict[str, Any], other: dict[str, Any] | None, bar_of: dict[str, str]
+) -> dict[str, float]:  # fmt: skip
+    """The known bars of a row, each at least the gap to the other solver's value; bar_of : its key by the value's."""
+    bars = {}
+    for name, bar in bar_of.items():
+        if other is not None and None not in (row[bar], row[name], other[name]):
+            bars[bar] = max(row[bar], abs(row[name] - other[name]))
+    return bars
+
+
 @dataclass(frozen=True, slots=True)
 class Branch(Generic[Run]):
     """Coarser runs in space or time: half and quarter, if there are any."""

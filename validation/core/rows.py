@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.response import Array, Flag, Response
+from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.agreement import (
@@ -22,7 +22,16 @@ from validation.core.agreement import (
     BoundPart,
     no_bound,
 )
-from validation.core.ladder import ROUNDING, Distance, Functional, Goal, Ladder, identity, max_distance
+from validation.core.ladder import (
+    ROUNDING,
+    Distance,
+    Functional,
+    Goal,
+    Ladder,
+    bars_of_at_least_gap,
+    identity,
+    max_distance,
+)
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
 from validation.core.order import FIRST
@@ -39,7 +48,6 @@ Parts = Sequence[tuple[float, float]]  # of two bars, in space and time
 AXIAL_MEAN = "mean over an axial round trip"
 ALONG = "along the cable"
 EVENTS = ("brake", "arrival", "back", "stop", "turn")  # both answers must have the first of each
-DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags of bars that may be too small
 
 
 def _any_car(view: View) -> bool:
@@ -358,11 +366,7 @@ def events_with_widened_bars(events: Sequence[Event], others: Sequence[Event]) -
     widened = []
     for event, index in _numbered_events(events):
         other = find_event(event["event"], others, index)
-        bars = {}
-        for name, bar in EVENT_BARS.items():
-            if other is not None and event[bar] is not None:
-                bars[bar] = max(event[bar], abs(event[name] - other[name]))
-        widened.append(event | bars)
+        widened.append(event | bars_of_at_least_gap(event, other, EVENT_BARS))
     return widened
 
 
@@ -473,11 +477,3 @@ def _badness(row: Agreement) -> tuple[bool, float]:
     """Whether it disagrees, and its gap over the bound."""
     disagrees = row.gap > FACTOR_DISAGREE * row.allowed
     return disagrees, row.gap / row.allowed if row.allowed > 0.0 else 0.0
-
-
-# --- doubts ---------------------------------------------------------------------------------------------------------
-
-
-def doubt_flags(*runs: Response) -> list[tuple[str, Flag]]:
-    """Flags of bars that may be too small, each with the method of its run."""
-    return [(r.method, f) for r in runs for f in r.flags if f.kind in DOUBTS]

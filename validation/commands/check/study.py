@@ -43,7 +43,6 @@ from validation.core.refine import (
 from validation.core.remedy import Remedies, with_remedy_note
 from validation.core.rows import (
     compare_answers,
-    doubt_flags,
     events_with_bars,
     events_with_widened_bars,
     quasi_static_event_rows,
@@ -57,6 +56,7 @@ from validation.core.view import View
 
 SHARES = {"elements": 1.0, "galerkin": 5.0}  # of the tolerance: dense bases cost about as much more
 DECIDING_QUANTITIES = {"all": (), "path": ("path_max", "path_rms", "place", "speed")}  # rows that decide; (): all
+DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags of bars that may be too small
 
 Settings = dict[str, Any]
 Row = dict[str, Any]  # of a JSON file
@@ -98,7 +98,9 @@ class Check:
 
     @property
     def doubts(self) -> list[tuple[str, Flag]]:
-        return doubt_flags(self.a.finest, self.b.finest)
+        """Flags of bars that may be too small, each with the method of its run."""
+        runs = self.a.finest, self.b.finest
+        return [(r.method, flag) for r in runs for flag in r.flags if flag.kind in DOUBTS]
 
     @property
     def outcome(self) -> Outcome:
