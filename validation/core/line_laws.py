@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import csv
 import itertools
-import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,12 +24,14 @@ import numpy as np
 from cablefem.response import Array
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.readback import limit_faults, limit_table_faults, plain_text
+from validation.core.readback.stored import read_json
 from validation.core.scene_data import (
     DOWN,
     ROUNDING,
     LineData,
     conversion_factor_or_nan,
     obstacle_and_ground_profiles,
+    read_csv_columns,
 )
 
 LOWEST = -1e-6  # [m] least clearance of what touches
@@ -517,11 +518,6 @@ def _kind_without_extreme(name: str) -> str:
     return re.sub("_(min|max)$", "", name.partition(":")[0])
 
 
-def _read_csv_rows(file: Path) -> list[dict[str, str]]:
-    with file.open(encoding="utf-8", newline="") as opened:
-        return list(csv.DictReader(opened))
-
-
 def _float_or_none(cell: str | None) -> float | None:
     try:
         return float(cell or "")
@@ -544,7 +540,7 @@ class _PrintedLine:
         self.data = LineAtRest(toml)
         self.rest = rest
         self.folder = folder
-        self.summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        self.summary = read_json(folder / "summary.json")
         self.gaps = LargestGaps()
         self.rows = numbers_by_position(self.data, rest)
         self.extremes = extremes_of_numbers(self.rows)
@@ -581,7 +577,8 @@ class _PrintedLine:
 
     def note_positions(self) -> None:
         """Note the gaps of all cells of positions.csv."""
-        table = _read_csv_rows(self.folder / "positions.csv")
+        with (self.folder / "positions.csv").open(encoding="utf-8", newline="") as file:
+            table = list(csv.DictReader(file))
         self.gaps.note_difference("positions.csv", "rows", len(table), len(self.rows))
         for i, (cells, row) in enumerate(zip(table, self.rows, strict=False)):
             numbers: PositionNumbers = row or {"position": i + 1}
@@ -598,10 +595,9 @@ class _PrintedLine:
 
     def note_profile(self) -> None:
         """Note the gaps of profile.csv, and of the profile and the ropes drawn by ropes.json."""
-        gaps = self.gaps
-        table = _read_csv_rows(self.folder / "profile.csv")
-        drawn = json.loads((self.folder / "ropes.json").read_text(encoding="utf-8"))
-        x = np.array([float(row["x"]) for row in table])
+        table = read_csv_columns(self.folder / "profile.csv")
+        drawn = read_json(self.folder / "ropes.json")
+        x = table["x"]
         ropes = {i: _rope_at_position(self.data, self.rest, i) for i in self.rest.states}
         depths = {i: rope.depth_and_tension_at_x(x)[0] for i, rope in ropes.items()}
         columns = {"x": x}
@@ -613,13 +609,17 @@ class _PrintedLine:
         tensions_allowed = ROUNDING * float(columns["tension_max"].max())
         for name, expected in columns.items():
             allowed = tensions_allowed if "tension" in name else lengths_allowed
-            for k, value in enumerate(expected.tolist()):
-                where = f"x = {x[k]:.6g} m"
-                gaps.note_difference(f"profile.csv, {name}", where, _float_or_none(table[k].get(name)), value, allowed)
-                gaps.note_difference("ropes.json", where, drawn["profile"][name][k], value, allowed)
+            self._note_column(f"profile.csv, {name}", x, table.get(name), expected, allowed)
+            self._note_column("ropes.json", x, np.array(drawn["profile"][name]), expected, allowed)
         for position, drawn_depths in drawn["depths"].items():
             off = np.abs(np.subtract(drawn_depths, depths[int(position) - 1]))
-            gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / lengths_allowed)
+            self.gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / lengths_allowed)
+
+    def _note_column(self, law: str, x: Array, written: Array | None, expected: Array, allowed: float) -> None:
+        """Note the largest gap of a written column (n,) over x to the expected one; of a missing one a large one."""
+        off = np.abs(np.full(x.size, math.nan) if written is None else written - expected)
+        k = int(np.argmax(off))  # of nan, too
+        self.gaps.note_gap(law, f"x = {x[k]:.6g} m", float(off[k]) / allowed)
 
     def note_design(self) -> None:
         """Note the gaps of design numbers: value, positions of the cars then, value there; and missing ones."""

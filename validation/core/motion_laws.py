@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from validation.core.motion_bodies import CarBody, to_complex, to_vectors
@@ -206,16 +207,10 @@ def _time_windows(t: Array, end: float) -> Iterator[TimeWindow]:
         yield TimeWindow(part, t[part], W, W1, W2)
 
 
-def cumulative_integral(t: Array, values: Array) -> Array:
-    """Integrals (n,) from the first time, by trapezoids."""
-    means = 0.5 * (values[1:] + values[:-1])
-    return np.append(0.0, np.cumsum(means * np.diff(t)))
-
-
 def relative_energy_defect(t: Array, energy: Array, powers: Sequence[Array]) -> Array:
     """Energy less work since the start (n,), over all work done: the integrals of |power| of all powers (n,)."""
-    work = cumulative_integral(t, sum(powers, np.zeros(t.size)))
-    all_work = sum(float(cumulative_integral(t, np.abs(power))[-1]) for power in powers)
+    work = cumulative_trapezoid(sum(powers, np.zeros(t.size)), t, initial=0.0)
+    all_work = sum(float(np.trapezoid(np.abs(power), t)) for power in powers)
     return np.asarray((energy - energy[0] - work) / (all_work or 1.0))
 
 

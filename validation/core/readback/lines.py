@@ -23,6 +23,7 @@ from validation.core.scene_data import Array, read_csv_columns, thermal_stretch
 
 COUNTED = "comparisons of two solvers agree", "laws hold", "kinds of printed numbers are as computed"
 TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
+Paths = dict[str, dict[str, Array]]  # columns of the cars' files, by car
 
 
 def line_terminal_faults(printed: Sequence[str], html_text: str, folder: Path) -> Faults:
@@ -102,13 +103,13 @@ def line_outcome_faults(folder: Path) -> Faults:
     summary = read_json(folder / "summary.json")
     scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
     design = {number["quantity"]: number for number in summary["design"]}
+    paths = {car["name"]: read_csv_columns(folder / f"path-{car['name']}.csv") for car in scene["car"]}
     t = read_csv_columns(folder / "contacts.csv")["t"][-1]
     hit = [x for x in design.values() if x["quantity"].startswith("clearance") and _upper_end_of_bar(x) < TOUCHES]
     same = 1e-9  # relative
     end_events = [x for x in summary["events"] if abs(x["t"] - t) <= same * t]
-    kind = _expected_outcome_kind(summary, design, hit) or _expected_end_kind(
-        folder, scene, summary["events"], end_events
-    )
+    kind = _expected_outcome_kind(summary, design, hit)
+    kind = kind or _expected_end_kind(paths, scene, summary["events"], end_events)
     if summary["outcome_kind"] != kind:
         yield f"outcome: {summary['outcome_kind']} where the files say {kind}"
     tension = design["tension_max"]
@@ -117,7 +118,7 @@ def line_outcome_faults(folder: Path) -> Faults:
         over = x["quantity"].partition(":")[2].rpartition(" over ")[2]  # the name alone of what the rope hits
         parts.append(f"hits {over} by {-x['value']:.2f} m")
     if summary["status"] == "complete":
-        parts += _expected_end_sentences(folder, scene, summary["events"])
+        parts += _expected_end_sentences(paths, scene, summary["events"])
     for part in parts:
         if part not in summary["outcome"]:
             yield f"outcome: {summary['outcome']!r} does not say {part!r}"
@@ -134,10 +135,9 @@ def _expected_outcome_kind(summary: Row, design: dict[str, Row], hit: Sequence[R
     return ""
 
 
-def _expected_end_kind(folder: Path, scene: Row, events: Sequence[Row], end_events: Sequence[Row]) -> str:
+def _expected_end_kind(paths: Paths, scene: Row, events: Sequence[Row], end_events: Sequence[Row]) -> str:
     """The kind of outcome by the last event, or by who still rolls without one."""
     free = {car["name"]: car["drive"] for car in scene["car"] if car.get("drive", {}).get("mode") == "free"}
-    paths = {name: read_csv_columns(folder / f"path-{name}.csv") for name in free}
     of_one_ride = len(scene["car"]) == 1 and free
     if end_events:
         return _kind_of_last_event(scene, paths, end_events[-1]["event"]) if of_one_ride else "ends"
@@ -149,16 +149,16 @@ def _expected_end_kind(folder: Path, scene: Row, events: Sequence[Row], end_even
     return _kind_of_stop(scene, paths) if of_one_ride else "ends"
 
 
-def _kind_of_stop(scene: Row, paths: dict[str, Row]) -> str:
-    """The kind of outcome of the one car, which has stopped; paths : columns of its file, by its name."""
+def _kind_of_stop(scene: Row, paths: Paths) -> str:
+    """The kind of outcome of the one car, which has stopped."""
     (path,) = paths.values()
     stretch = thermal_stretch(scene["cable"])
     brakes = [stretch * brake["from"] for brake in scene["car"][0]["drive"].get("brake", [])]
     return "stopped_by_brake" if path["s_o"][-1] >= min(brakes, default=np.inf) else "stuck"
 
 
-def _kind_of_last_event(scene: Row, paths: dict[str, Row], event: str) -> str:
-    """The kind of outcome of the one car, which rolls freely; paths : columns of its file, by its name."""
+def _kind_of_last_event(scene: Row, paths: Paths, event: str) -> str:
+    """The kind of outcome of the one car, which rolls freely."""
     ((name, path),) = paths.items()
     distances = {scene["contact"][i]["name"]: abs(scene["contact"][i]["at"][0] - path["x"][0]) for i in (0, -1)}
     reached = event.removeprefix(f"{name} reaches ")
@@ -167,13 +167,13 @@ def _kind_of_last_event(scene: Row, paths: dict[str, Row], event: str) -> str:
     return "arrives" if distances[reached] == max(distances.values()) else "rolls_back"
 
 
-def _expected_end_sentences(folder: Path, scene: Row, events: Sequence[Row]) -> Iterator[str]:
+def _expected_end_sentences(paths: Paths, scene: Row, events: Sequence[Row]) -> Iterator[str]:
     """When and how a run ends, where each car is then, and since when if it stays there."""
-    for file in folder.glob("path-*.csv"):
-        name = file.stem.removeprefix("path-")
-        path = read_csv_columns(file)
+    for car in scene["car"]:
+        name = car["name"]
+        path = paths[name]
         yield f"{name} at x = {path['x'][-1]:.1f} m"
-        drive = next(car for car in scene["car"] if car["name"] == name).get("drive", {})
+        drive = car.get("drive", {})
         stop = _lasting_stop_time(path, [x["t"] for x in events if x["event"] == f"{name} stops"], drive)
         if stop is not None:
             yield f"{name} stops at x = {np.interp(stop, path['t'], path['x']):.1f} m after {stop:.1f} s"
