@@ -54,6 +54,7 @@ from validation.page.motion import (
 Factors = tuple[int, int]  # of the coarsest resolution, and of the fewest steps
 Events = Sequence[tuple[str, float]]  # name and time [s]
 
+ALMOST = 1.0 - 1e-9  # of a time: it is that time
 # columns of path-NAME.csv, beside F_shoe and those of `turning_and_wheel_load_series`
 PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"
 
@@ -444,17 +445,15 @@ class MotionAnswers(LineAnswers):
     def _end_outcome(self) -> Outcome | None:
         """How the run ends; None for one that broke."""
         run = self.moved
-        almost = 1.0 - 1e-9
         positions = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
         before = "".join(f"{sentence}; " for sentence in self._earlier_stop_sentences())
-        if run.events and run.events[-1][1] >= run.end * almost:
+        if run.events and run.events[-1][1] >= run.end * ALMOST:
             name, t = run.events[-1]
+            early = run.end < run.instants[-1] * ALMOST
+            whose = "for all cars " if len(self.cars) > 1 else ""
             sentence = f"{before}{name} after {t:.1f} s with {positions}"
             kind = self._kind_of_ride_that_ends_by(name)
-            if run.end >= run.instants[-1] * almost:
-                return Outcome(kind, sentence)
-            whose = "for all cars " if len(self.cars) > 1 else ""
-            return Outcome(kind, f"{sentence}; this ends the run {whose}early")
+            return Outcome(kind, f"{sentence}; this ends the run {whose}early" if early else sentence)
         if run.reason is not None:
             return None
         return Outcome(self._kind_of_ride_without_end_event(), f"{before}ends after {run.end:.1f} s with {positions}")
@@ -487,7 +486,7 @@ class MotionAnswers(LineAnswers):
     def _earlier_stop_sentences(self) -> Iterator[str]:
         """Where and when cars that stay to the end have stopped before it."""
         t = self.t
-        before_end = t[-1] * (1.0 - 1e-9)
+        before_end = t[-1] * ALMOST
         for car, table in zip(self.cars, self.line.car, strict=True):
             stops = [time for name, time in self.moved.events if name == f"{car.name} stops" and time < before_end]
             if not stops or table.drive is None:

@@ -102,26 +102,26 @@ def line_outcome_faults(folder: Path) -> Faults:
     """Faults of the outcome of a line in motion: its kind, where the cars end, what is hit, the largest tension."""
     summary = read_json(folder / "summary.json")
     scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
-    design = {number["quantity"]: number for number in summary["design"]}
     paths = {car["name"]: read_csv_columns(folder / f"path-{car['name']}.csv") for car in scene["car"]}
-    t = read_csv_columns(folder / "contacts.csv")["t"][-1]
+    design = {number["quantity"]: number for number in summary["design"]}
     hit = [x for x in design.values() if x["quantity"].startswith("clearance") and _upper_end_of_bar(x) < TOUCHES]
-    same = 1e-9  # relative
-    end_events = [x for x in summary["events"] if abs(x["t"] - t) <= same * t]
-    kind = _expected_outcome_kind(summary, design, hit)
-    kind = kind or _expected_end_kind(paths, scene, summary["events"], end_events)
+    kind = _expected_outcome_kind(summary, design, hit) or _expected_end_kind(paths, scene, summary["events"])
     if summary["outcome_kind"] != kind:
         yield f"outcome: {summary['outcome_kind']} where the files say {kind}"
-    tension = design["tension_max"]
-    parts = [f"largest tension {tension['value'] / 1e3:.1f} kN at {tension['t']:.1f} s"]
-    for x in hit:
-        over = x["quantity"].partition(":")[2].rpartition(" over ")[2]  # the name alone of what the rope hits
-        parts.append(f"hits {over} by {-x['value']:.2f} m")
+    parts = list(_expected_numbers_of_outcome(design["tension_max"], hit))
     if summary["status"] == "complete":
         parts += _expected_end_sentences(paths, scene, summary["events"])
     for part in parts:
         if part not in summary["outcome"]:
             yield f"outcome: {summary['outcome']!r} does not say {part!r}"
+
+
+def _expected_numbers_of_outcome(tension: Row, hit: Sequence[Row]) -> Iterator[str]:
+    """What the outcome says of the largest tension, and of how deep things are hit."""
+    yield f"largest tension {tension['value'] / 1e3:.1f} kN at {tension['t']:.1f} s"
+    for x in hit:
+        over = x["quantity"].partition(":")[2].rpartition(" over ")[2]  # the name alone of what the rope hits
+        yield f"hits {over} by {-x['value']:.2f} m"
 
 
 def _expected_outcome_kind(summary: Row, design: dict[str, Row], hit: Sequence[Row]) -> str:
@@ -135,12 +135,13 @@ def _expected_outcome_kind(summary: Row, design: dict[str, Row], hit: Sequence[R
     return ""
 
 
-def _expected_end_kind(paths: Paths, scene: Row, events: Sequence[Row], end_events: Sequence[Row]) -> str:
+def _expected_end_kind(paths: Paths, scene: Row, events: Sequence[Row]) -> str:
     """The kind of outcome by the last event, or by who still rolls without one."""
     free = {car["name"]: car["drive"] for car in scene["car"] if car.get("drive", {}).get("mode") == "free"}
     of_one_ride = len(scene["car"]) == 1 and free
-    if end_events:
-        return _kind_of_last_event(scene, paths, end_events[-1]["event"]) if of_one_ride else "ends"
+    end_event = _event_at_end(paths, events)
+    if end_event:
+        return _kind_of_last_event(scene, paths, end_event) if of_one_ride else "ends"
     if not free:
         return "arrives"
     stops = {name: [x["t"] for x in events if x["event"] == f"{name} stops"] for name in free}
@@ -155,6 +156,12 @@ def _kind_of_stop(scene: Row, paths: Paths) -> str:
     stretch = thermal_stretch(scene["cable"])
     brakes = [stretch * brake["from"] for brake in scene["car"][0]["drive"].get("brake", [])]
     return "stopped_by_brake" if path["s_o"][-1] >= min(brakes, default=np.inf) else "stuck"
+
+
+def _event_at_end(paths: Paths, events: Sequence[Row]) -> str:
+    """The last event, if it ends the run; else ""."""
+    t = max(path["t"][-1] for path in paths.values())
+    return events[-1]["event"] if events and events[-1]["t"] >= t * (1.0 - 1e-9) else ""
 
 
 def _kind_of_last_event(scene: Row, paths: Paths, event: str) -> str:
@@ -177,9 +184,7 @@ def _expected_end_sentences(paths: Paths, scene: Row, events: Sequence[Row]) -> 
         stop = _lasting_stop_time(path, [x["t"] for x in events if x["event"] == f"{name} stops"], drive)
         if stop is not None:
             yield f"{name} stops at x = {np.interp(stop, path['t'], path['x']):.1f} m after {stop:.1f} s"
-    t = path["t"][-1]
-    at_end = [x["event"] for x in events if x["t"] >= t * (1.0 - 1e-9)]
-    yield f"{at_end[-1]} after {t:.1f} s" if at_end else f"ends after {t:.1f} s"
+    yield f"{_event_at_end(paths, events) or 'ends'} after {path['t'][-1]:.1f} s"
 
 
 def _lasting_stop_time(path: dict[str, Array], stops: Sequence[float], drive: Row) -> float | None:
