@@ -15,6 +15,7 @@ from cablefem.scene.line import Line
 from tests.commands.calls import QUICK
 from validation.commands.run.study import rechecked_quasi_static_run
 from validation.core import limits, readback, recomputed
+from validation.core.quasi_static import quasi_static
 from validation.core.readback import plain_text
 
 pytestmark = pytest.mark.usefixtures("without_animation")
@@ -30,7 +31,7 @@ TRAMWAY = Scene.load("tramway").replace({**TEXTS, "cable.breaking_load": 2.3e6, 
 
 @pytest.fixture(scope="module")
 def tramway_ride_and_limits():
-    r = rechecked_quasi_static_run(TRAMWAY)
+    r = rechecked_quasi_static_run(TRAMWAY, quasi_static(TRAMWAY))
     return r, limits.limit_rows(TRAMWAY, r.design, r.events)
 
 
@@ -68,7 +69,7 @@ def test_a_limit_within_the_bar_is_too_close_to_tell(tramway_ride_and_limits):
 def test_what_is_missing_is_named():
     scene = Scene.load("tramway").replace(TEXTS | {"obstacle": [HUT | {"kind": None}]})
     bare = scene.replace({"mass.wheels": None})
-    r = rechecked_quasi_static_run(bare)
+    r = rechecked_quasi_static_run(bare, quasi_static(bare))
     missing = {row["verdict"] for row in limits.limit_rows(bare, r.design)}
     keys = ("cable.breaking_load", "the car wheels", "obstacle.hut.kind")
     assert {f"cannot be judged: give {key}" for key in keys} <= missing
@@ -79,7 +80,7 @@ def test_what_is_missing_is_named():
 def test_a_clearance_with_nothing_to_clear_is_asked_for():
     """It was left out: "limits met" then, though nobody had said what is below the rope."""
     scene = TRAMWAY.replace({"obstacle": [], "limits.clearance": 2.0})
-    r = rechecked_quasi_static_run(scene)
+    r = rechecked_quasi_static_run(scene, quasi_static(scene))
     rows = limits.limit_rows(scene, r.design, r.events)
     found = verdict_by_limit(rows)
     for demanded in (2.0, 2.5):  # the scene's and a text's
@@ -280,7 +281,9 @@ def test_load_cases_make_a_grid_and_say_what_is_missing(cablefem):
     assert cablefem(*given, "--case", "ice", "--case", "wind")[0] == 0
     rows = json.loads(Path("x/grid/grid.json").read_text())["rows"]
     tension = next(
-        row["value"] for row in rechecked_quasi_static_run(heavier).design if row["quantity"] == "tension_max"
+        row["value"]
+        for row in rechecked_quasi_static_run(heavier, quasi_static(heavier)).design
+        if row["quantity"] == "tension_max"
     )
     assert [row["case"] for row in rows] == ["ice", "wind"]
     assert rows[0]["tension_max"] == pytest.approx(tension)

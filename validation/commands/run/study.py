@@ -49,7 +49,7 @@ def run_with_design_numbers(
     Without a method: by the quasi-static model.
     """
     if method is None:
-        return AnsweredRun(rechecked_quasi_static_run(scene))
+        return AnsweredRun(rechecked_quasi_static_run(scene, quasi_static(scene)))
     if tol is None:
         r = run(scene, method, **options, progress=progress)
         return AnsweredRun(_with_lazy_design_numbers(scene, r, method, bars, options))
@@ -93,16 +93,17 @@ def quasi_static_with_bars(scene: Scene) -> Response:
     quasi_static("zipline").events
     """
 
+    r = quasi_static(scene)
+
     def checked_numbers() -> Fields:
-        checked = rechecked_quasi_static_run(scene)
+        checked = rechecked_quasi_static_run(scene, r)
         return {"design": checked.design, "flags": checked.flags}
 
-    return _with_fields_computed_together(quasi_static(scene), ("design", "flags"), checked_numbers)
+    return _with_fields_computed_together(r, ("design", "flags"), checked_numbers)
 
 
-def rechecked_quasi_static_run(scene: Scene) -> Response:
-    """The quasi-static ride with design numbers and bars, and a flag for each that its second computation denies."""
-    r = quasi_static(scene)
+def rechecked_quasi_static_run(scene: Scene, r: Response) -> Response:
+    """The quasi-static ride r with design numbers and bars, and a flag for each that its second computation denies."""
     r = with_inertia_error_bars(scene, replace(r, design=design_numbers(r)))
     rows = list(recomputed.recomputed_rows(r, None, outcome_of_run(scene, r)))
     if r.drive != "grip":
