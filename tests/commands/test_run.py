@@ -311,3 +311,15 @@ def test_the_side_view_of_a_grid_shows_the_ropes_of_its_scenes(cablefem, monkeyp
     assert x_range == (0.0, 400.0)
     ends = [curve.x[-1] for curve in panel.curves if curve.name == "empty rope at rest"]
     assert ends == pytest.approx([390.0, 400.0])
+
+
+def test_the_side_view_of_a_grid_shows_the_grounds_of_its_scenes(cablefem, monkeypatch, tmp_path):
+    """It drew that of the first scene alone."""
+    panels = []
+    draw = many.plot.svg_figure
+    monkeypatch.setattr(many.plot, "svg_figure", lambda shown, *a, **k: panels.extend(shown) or draw(shown, *a, **k))
+    for depth in (40, 60):
+        Path(f"{depth}.csv").write_text(f"0, {depth}\n300, {depth + 20}\n")
+    assert cablefem("run", "zipline", "--model", "quasi-static", "--set", "ground=40.csv,60.csv")[0] == 0
+    grounds = [curve.y.tolist() for curve in panels[0].curves if curve.name == "ground"]
+    assert grounds == [[40.0, 60.0], [60.0, 80.0]]

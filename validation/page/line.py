@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from cablefem.response import Array
-from cablefem.scene.line import Line
+from cablefem.scene.line import Car, Contact, Line
 from validation.core import store
 from validation.core.limits import limit_scope_sentences
 from validation.core.quantities import factor_and_prefixed_unit, limit_row_texts
@@ -36,15 +36,20 @@ def line_quantity_words(name: str) -> str:
     return WORDS[base_quantity(name)]["words"].format(name.partition(":")[2])
 
 
+def names_of_extremes(name: str) -> dict[str, str]:
+    """Design numbers of a quantity by "max" and "min", or by the only one that matters: `tension_max:tower`."""
+    kind, colon, of = name.partition(":")
+    only = WORDS[kind].get("only")
+    return {word: f"{kind.removesuffix(f'_{word}')}_{word}{colon}{of}" for word in ([only] if only else ("max", "min"))}
+
+
 def words_of_extremes() -> dict[str, dict[str, str]]:
     """Words and unit of design numbers by kind: largest and smallest of each quantity, or the only one that matters."""
     out = {}
     for name, of in WORDS.items():
-        for word, side in (("max", "largest"), ("min", "smallest")):
-            if of.get("only") == word:
-                out[name if name.endswith(f"_{word}") else f"{name}_{word}"] = of
-            elif "only" not in of:
-                out[f"{name}_{word}"] = of | {"words": f"{of['words']}, {side}"}
+        sides = {"max": ", largest", "min": ", smallest"} if "only" not in of else {}
+        for word, extreme in names_of_extremes(name).items():
+            out[extreme] = of | {"words": of["words"] + sides.get(word, "")}
     return out
 
 
@@ -129,7 +134,7 @@ def rest_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | N
     summary = store.read_json(folder / "summary.json")
     ropes = store.read_json(folder / "ropes.json")
     toml = (folder / "scene.toml").read_text(encoding="utf-8")
-    line = tomllib.loads(toml)
+    line = Line.from_toml(toml)
     with (folder / "positions.csv").open(encoding="utf-8", newline="") as file:
         positions = list(csv.DictReader(file))
 
@@ -140,21 +145,20 @@ def rest_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | N
         "refused": summary["refused"],
     }
     content["alarm"] = "disagree" if summary["outcome_kind"] in ("breaks", "collides") else None
-    content["limits"] = stored_limits_table(folder, summary)
+    content["limits"] = stored_limits_table(line, summary)
     content["side"] = _side_view_figure(line, ropes, positions)
     content["design"] = extremes_table_rows(summary["design"])
     content["over"] = []
     if summary["positions"] > 1:
-        content["over"] = list(_figures_over_position(line["car"][0]["name"], positions))
+        content["over"] = list(_figures_over_position(line.car[0].name, positions))
     content["compared"] = [x for x in check_rows if x["quantity"] not in RECHECKED]
     content["rechecked"] = [x for x in check_rows if x["quantity"] in RECHECKED]
     content["as_read"] = line_inputs_html(toml)
     return render_sections(__package__, "assets/line.html", **content)
 
 
-def stored_limits_table(folder: Path, summary: Row) -> Markup:
+def stored_limits_table(line: Line, summary: Row) -> Markup:
     """Stored verdicts on limits, and what their texts are for."""
-    line = Line.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
     return limits_of(list(map(limit_row_texts, summary["limits"])), limit_scope_sentences(line))
 
 
@@ -162,7 +166,7 @@ def _column_of_floats(positions: Sequence[Row], name: str) -> Array:
     return np.array([float(x[name]) if x.get(name) else np.nan for x in positions])
 
 
-def _side_view_without_cars(line: Row, profile: SeriesByName, lowest: Sequence[Array]) -> tuple[Panel, str]:
+def _side_view_without_cars(line: Line, profile: SeriesByName, lowest: Sequence[Array]) -> tuple[Panel, str]:
     """The side view of a line without its cars, and its caption.
 
     profile : columns of profile.csv;  lowest : depths of the cars' lowest points [m], to fit.
@@ -170,28 +174,27 @@ def _side_view_without_cars(line: Row, profile: SeriesByName, lowest: Sequence[A
     x = profile["x"]
     highest_of_rope = profile["y_highest"]
     lowest_of_rope = profile["y_lowest"]
-    ground = np.array(line.get("ground", [])).reshape(-1, 2)
-    obstacles = [(o["name"], o["at"], o["top"]) for o in line.get("obstacle", [])]
-    end = float(x[-1])
+    grounds = [np.array(line.ground)] if line.ground else []
+    width = 1.12 * float(x[-1])
     depths = [highest_of_rope, lowest_of_rope, *lowest]
-    p, caption = plot.side_view_panel(depths, 1.12 * end, ground, obstacles, pad=0.14)
+    p, caption = plot.side_view_panel(depths, width, grounds, line.obstacle, pad=0.14)
     p.bands.append((x, highest_of_rope, lowest_of_rope, "#0072b233"))
     p.add_curve(x, profile["y_rest"], plot.GREY, plot.DOTTED, 1.4, "empty rope")
-    for contact in line["contact"]:
+    for contact in line.contact:
         _draw_contact(p, contact)
     return p, caption
 
 
-def _draw_contact(panel: Panel, contact: Row) -> None:
+def _draw_contact(panel: Panel, contact: Contact) -> None:
     """Draw a support, its shoe and its name in a side view."""
-    x, depth = contact["at"]
-    is_fixed = contact["kind"] in ("anchor", "saddle")
+    x, depth = contact.at
+    is_fixed = contact.kind in ("anchor", "saddle")
     panel.dots.append((x, depth, plot.BLACK, is_fixed))
-    if "shoe" in contact:
-        half = contact["shoe"]
-        panel.add_curve(np.array([x - half, x + half]), np.array([depth, depth]), plot.BLACK, width=3.0)
+    if contact.shoe is not None:
+        ends = np.array([x - contact.shoe, x + contact.shoe])
+        panel.add_curve(ends, np.full(2, depth), plot.BLACK, width=3.0)
     above = depth - 0.05 * (panel.high - panel.low)
-    panel.labels.append((x, above, contact["name"]))
+    panel.labels.append((x, above, contact.name))
 
 
 def series_figure(series: SeriesByName, unit: str, x: Array, xlabel: str, title: str) -> Markup:
@@ -208,10 +211,10 @@ def series_figure(series: SeriesByName, unit: str, x: Array, xlabel: str, title:
     return plot.svg_figure([p], x_range, xlabel, title)
 
 
-def _side_view_figure(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
+def _side_view_figure(line: Line, ropes: Row, positions: Sequence[Row]) -> Markup:
     """Rope at rest and at all positions, cars, supports, ground and obstacles from the side."""
     profile = {name: np.array(values) for name, values in ropes["profile"].items()}
-    cars = [_CarAtPositions(car, positions) for car in line.get("car", [])]
+    cars = [_CarAtPositions(car, positions) for car in line.car]
     p, caption = _side_view_without_cars(line, profile, [car.lowest for car in cars])
     for depth in ropes["depths"].values():
         p.add_curve(profile["x"], np.array(depth), plot.BLUE, "", 1.0, "rope at some positions; shaded: at all")
@@ -219,18 +222,18 @@ def _side_view_figure(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup
         p.add_curve(car.x, car.lowest, color, plot.DASHED, 1.8, f"lowest point of {car.name}")
         if car.x.size == 1:
             p.dots.append((float(car.x[0]), float(car.depth[0]), color, True))
-    end, _ = line["contact"][-1]["at"]
+    end, _ = line.contact[-1].at
     return plot.svg_figure([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
 
 
 class _CarAtPositions:
     """A car at all positions: x, depth on the rope and depth of its lowest point, (positions,) [m]."""
 
-    def __init__(self, car: Row, positions: Sequence[Row]) -> None:
-        self.name = car["name"]
+    def __init__(self, car: Car, positions: Sequence[Row]) -> None:
+        self.name = car.name
         self.x = _column_of_floats(positions, f"x:{self.name}")
         self.depth = _column_of_floats(positions, f"depth:{self.name}")
-        self.lowest = self.depth + car.get("below", 0.0)
+        self.lowest = self.depth + car.below
 
 
 def _figures_over_position(car: str, positions: Sequence[Row]) -> Iterator[Markup]:

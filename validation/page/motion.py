@@ -75,33 +75,31 @@ def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str |
     summary = store.read_json(folder / "summary.json")
     design = summary["design"]
     toml = (folder / "scene.toml").read_text(encoding="utf-8")
-    line = tomllib.loads(toml)
-    cars = line["car"]
+    line = Line.from_toml(toml)
     contacts = read_csv_columns(folder / "contacts.csv")
-    paths = {car["name"]: read_csv_columns(folder / f"path-{car['name']}.csv") for car in cars}
+    paths = {car.name: read_csv_columns(folder / f"path-{car.name}.csv") for car in line.car}
     compared = [row | {"named": comparison_words(row["quantity"], row.get("law", ""))} for row in check_rows]
     laws = [row for row in compared if row["quantity"] in ("laws_si", "energy")]
 
     content: Content = {"id": folder.name, "verdict": verdict, "outcome": summary["outcome"]}
     content["alarm"] = "disagree" if summary["outcome_kind"] in ("breaks", "collides", "incomplete") else None
-    content["limits"] = stored_limits_table(folder, summary)
-    content["side"] = _moving_side_view(folder, contacts, paths)
+    content["limits"] = stored_limits_table(line, summary)
+    content["side"] = _moving_side_view(line, folder, contacts, paths)
     content["events"] = [{"event": e["event"], "at": f"{e['t']:.4g} s"} for e in summary["events"]]
     content["design"] = design_number_rows(design)
-    content["by_hand"] = any("point" in car.get("wheels", {}).values() for car in cars)
+    content["by_hand"] = "point" in {car.wheels.model for car in line.car if car.wheels}
     content["stressed"] = any(d["quantity"].startswith("stress") for d in design)
     content["over"] = list(_figures_over_time(line, contacts, paths))
     content["means"] = line_averaging_time_sentence(summary["round_trip"])
-    content["grips"] = GRIPS if any("drive" not in car for car in cars) else ""
+    content["grips"] = GRIPS if any(car.drive is None for car in line.car) else ""
     content["compared"] = [row for row in compared if row not in laws]
     content["laws"] = laws
     content["as_read"] = line_inputs_html(toml)
     return render_sections(__package__, "assets/motion.html", **content)
 
 
-def _moving_side_view(folder: Path, contacts: SeriesByName, paths: dict[str, SeriesByName]) -> Markup:
+def _moving_side_view(line: Line, folder: Path, contacts: SeriesByName, paths: dict[str, SeriesByName]) -> Markup:
     """The side view in motion: rope, cars with what hangs and turns, counterweights."""
-    line = Line.load(folder / "scene.toml")
     rope = read_csv_columns(folder / "rope.csv")
     t = np.unique(rope["t"])
     s = np.unique(rope["s"])
@@ -183,7 +181,7 @@ def _packed_contact(contact: Contact, at_frames: SeriesByName) -> Content:
     return packed_series(series) | {"readout": [], "name": contact.name}
 
 
-def _figures_over_time(line: Row, contacts: SeriesByName, paths: dict[str, SeriesByName]) -> Iterator[Markup]:
+def _figures_over_time(line: Line, contacts: SeriesByName, paths: dict[str, SeriesByName]) -> Iterator[Markup]:
     """One figure per kind of quantity that is known, over time."""
     for title, figure in OVER_TIME.items():
         series = _series_of_contacts(line, contacts, figure)
@@ -196,18 +194,17 @@ def _figures_over_time(line: Row, contacts: SeriesByName, paths: dict[str, Serie
             yield series_figure(known, figure["unit"], contacts["t"], "time [s]", title)
 
 
-def _series_of_contacts(line: Row, contacts: SeriesByName, figure: Row) -> SeriesByName:
+def _series_of_contacts(line: Line, contacts: SeriesByName, figure: Row) -> SeriesByName:
     """Curves of a figure over time, at its kind of contacts."""
     series = {}
-    for contact in line["contact"]:
-        name = contact["name"]
-        if figure.get("kind", contact["kind"]) != contact["kind"]:
+    for contact in line.contact:
+        if figure.get("kind", contact.kind) != contact.kind:
             continue
         for column, words in figure.get("contacts", {}).items():
-            values = contacts[f"{name}.{column}"]
+            values = contacts[f"{contact.name}.{column}"]
             if figure.get("from_start"):
                 values = values - values[0]
-            series[words.format(name)] = values
+            series[words.format(contact.name)] = values
     return series
 
 

@@ -3,7 +3,7 @@
 import base64
 import io
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,6 +12,7 @@ from markupsafe import Markup
 from PIL import Image
 
 from cablefem.response import Array
+from cablefem.scene import Obstacle
 from validation.page.page import Content, figure_of, render_template, superscript_text, text_without_tags
 
 # user units, pixels on a desktop
@@ -145,25 +146,24 @@ class Panel:
 
 
 def side_view_panel(
-    depths: Sequence[Array], width: float, ground: Array, obstacles: Sequence[tuple[str, float, float]], pad: float
+    depths: Sequence[Array], width: float, grounds: Sequence[Array], obstacles: Collection[Obstacle], pad: float
 ) -> tuple[Panel, str]:
-    """A panel of a side view with ground and obstacles, and its caption: to scale, or enlarged by an integer.
+    """A panel of a side view with grounds and obstacles, and its caption: to scale, or enlarged by an integer.
 
-    depths : [m] to show;  width : of the view [m];  ground : (n, 2) of x and depth;  obstacles : name, x, depth of the
-    top;  pad : margin, of the range of depths.
+    depths : [m] to show;  width : of the view [m];  grounds : (n, 2) of x and depth;  pad : margin, of the range.
     """
     panel = Panel("depth [m]", down=True)
-    tops = np.array([top for _, _, top in obstacles])
-    panel.fit_y_axis([*depths, ground[:, 1], tops], pad)
+    tops = np.array([obstacle.top for obstacle in obstacles])
+    panel.fit_y_axis([*depths, *(ground[:, 1] for ground in grounds), tops], pad)
     height = (panel.high - panel.low) * (WIDTH - LEFT - RIGHT) / width
     times = max(1, round(80.0 / height))
     panel.height = times * height
     scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
-    if len(ground):
-        panel.add_curve(ground[:, 0], ground[:, 1], "#8a7a55", name="ground")
-    for name, x, top in obstacles:
-        from_top_down = np.array([top, panel.high])
-        panel.add_curve(np.array([x, x]), from_top_down, "#6b8e5a", "", 5.0, name)
+    for x, depth in (ground.T for ground in grounds):
+        panel.add_curve(x, depth, "#8a7a55", name="ground")
+    for obstacle in obstacles:
+        from_top_down = np.array([obstacle.top, panel.high])
+        panel.add_curve(np.full(2, obstacle.at), from_top_down, "#6b8e5a", "", 5.0, obstacle.name)
     return panel, f"The line from the side. {scale}"
 
 

@@ -44,33 +44,43 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
         """
         __tracebackhide__ = True
         try:
-            scene = scene if isinstance(scene, Scene | Line) else load_scene_or_line(scene)
-            if isinstance(scene, Line) and solver is not None:
-                own = "a solver of your own is compared on one span, this is a line of contacts"
-                raise Refused(f"{scene.name}: {own}")
-            key = (scene.to_toml(), tol)
-            if key not in earlier_checks:
-                tolerance: dict[str, Any] = {} if tol is None else {"tol": tol}
-                earlier_checks[key] = validation.check(scene, **tolerance)
+            scene = _scene_or_line(scene, solver)
+            result = _check_once(scene, tol, earlier_checks)
         except ValueError as refused:
             raise refused.with_traceback(None) from None  # without the library's source
-        result = earlier_checks[key]
         names = " and ".join(result.methods)
-        rows = result.rows
-        theirs = []
+        rows = reported = result.rows
         if solver is not None:
             result = _check_users_solver(scene, solver, with_tol, result)
-            theirs = [row for row in result.rows if row.third_party]
-            names = theirs[-1].third_party
+            reported = [row for row in result.rows if row.third_party]
+            names = reported[-1].third_party
             # and whether a path was comparable
             rows = [row for row in result.rows if row.third_party or row.quantity == "path_max"]
         verdict = worst_deciding_verdict(rows)
-        report(f"{scene.name}, {names}: {_worst_row_text(theirs or rows)}", verdict.value)
+        report(f"{scene.name}, {names}: {_worst_row_text(reported)}", verdict.value)
         if verdict is not Verdict.AGREE:
             raise AssertionError(assertions.failure_text(f"{scene.name}: {verdict.value}", rows))
         return result
 
     return checked
+
+
+def _scene_or_line(scene: Any, solver: Any) -> Scene | Line:
+    """The scene or line, or that of a name or file; Refused for a line with a user's solver."""
+    scene = scene if isinstance(scene, Scene | Line) else load_scene_or_line(scene)
+    if isinstance(scene, Line) and solver is not None:
+        own = "a solver of your own is compared on one span, this is a line of contacts"
+        raise Refused(f"{scene.name}: {own}")
+    return scene
+
+
+def _check_once(scene: Any, tol: float | None, earlier_checks: dict[Any, Any]) -> Any:
+    """The check of a scene or line by a tolerance, made if it is not among the earlier ones."""
+    key = (scene.to_toml(), tol)
+    if key not in earlier_checks:
+        tolerance: dict[str, Any] = {} if tol is None else {"tol": tol}
+        earlier_checks[key] = validation.check(scene, **tolerance)
+    return earlier_checks[key]
 
 
 def _check_users_solver(scene: Any, solver: Any, with_tol: float, ours: Any) -> Any:

@@ -53,29 +53,40 @@ class Answer:
         `brake_or_arrival` is the first of these two events.
         Where there is one extreme, `_min` or `_max` may be left out.
         """
-        numbers: dict[str, Number] = {}
-        for row in design:
-            if row["value"] is not None:
-                number = Number(row["value"], row["bar"], row["unit"])
-                kind = row["quantity"].partition(":")[0]
-                pick = max if kind.endswith("_max") else min
-                numbers[_colons_to_dots(row["quantity"])] = number
-                numbers[kind] = pick(number, numbers.get(kind, number), key=lambda x: x.value)
-        short = [_EXTREME.sub("", name) for name in numbers]
-        for name, brief in zip(list(numbers), short, strict=True):
-            if short.count(brief) == 1:
-                numbers[brief] = numbers[name]
-        named = {event["event"]: event for event in reversed(events)}
-        first = first_brake_or_arrival(events)
-        if first is not None:
-            named[BRAKE_OR_ARRIVAL] = first
-        for event_name, event in named.items():
-            for name, unit in UNITS.items():
-                bar = event.get(f"bar_{name}")
-                numbers[f"{event_name}.{name}"] = Number(event.get(name, math.nan), bar, unit)
+        numbers = _numbers_of_design(design) | _numbers_of_events(events)
         worst = worst_judged_row(limits)
         verdict = worst_limit_columns(limits).get("limits_met", "")
         return cls(outcome.kind, outcome.sentence, numbers, verdict, "" if worst is None else _limit_sentence(worst))
+
+
+def _numbers_of_design(design: Sequence[Row]) -> dict[str, Number]:
+    """Known design numbers by name, by kind, and without an extreme that is the only one."""
+    numbers: dict[str, Number] = {}
+    for row in design:
+        if row["value"] is not None:
+            number = Number(row["value"], row["bar"], row["unit"])
+            kind = row["quantity"].partition(":")[0]
+            pick = max if kind.endswith("_max") else min
+            numbers[_colons_to_dots(row["quantity"])] = number
+            numbers[kind] = pick(number, numbers.get(kind, number), key=lambda x: x.value)
+    short = [_EXTREME.sub("", name) for name in numbers]
+    for name, brief in zip(list(numbers), short, strict=True):
+        if short.count(brief) == 1:
+            numbers[brief] = numbers[name]
+    return numbers
+
+
+def _numbers_of_events(events: Sequence[Row]) -> dict[str, Number]:
+    """Numbers of the first event of each kind, and of the first that is a brake or the arrival."""
+    named = {event["event"]: event for event in reversed(events)}
+    first = first_brake_or_arrival(events)
+    if first is not None:
+        named[BRAKE_OR_ARRIVAL] = first
+    numbers = {}
+    for event_name, event in named.items():
+        for name, unit in UNITS.items():
+            numbers[f"{event_name}.{name}"] = Number(event.get(name, math.nan), event.get(f"bar_{name}"), unit)
+    return numbers
 
 
 def _limit_sentence(row: Row) -> str:
@@ -171,15 +182,21 @@ def refuse_uncheckable_clauses(clauses: Sequence[Clause], answers: Sequence[Answ
 
 
 def _refuse_unknown_name_or_unit(clause: Clause, answers: Sequence[Answer], events: Sequence[str]) -> None:
-    """Refused for an unknown name, and a unit that does not fit; known are, of a known kind, all names of that kind."""
+    """Refused for an unknown name, and a unit that does not fit."""
     names = {name for answer in answers for name in answer.numbers}
-    kind, dot, _ = clause.name.partition(".")
-    of_kind = {name for name in names if name.startswith(f"{kind}.")}
-    kinds = {name.partition(".")[0] for name in names if name.partition(".")[0] not in events}
-    known = of_kind if dot and of_kind else kinds | {f"{event}.{name}" for event in events for name in UNITS}
+    known = _known_names(clause.name, names, events)
     if names and clause.name not in names | known:
         raise Refused(f"--so-that {clause.text}: unknown name.{did_you_mean(clause.name, sorted(known))}")
-    for answer in answers:
-        number = clause.number_in(answer)
+    for number in map(clause.number_in, answers):
         if number is not None:
             clause.limit_in(number.unit)
+
+
+def _known_names(name: str, names: set[str], events: Sequence[str]) -> set[str]:
+    """Of a known kind all names of that kind, else all kinds and numbers of events."""
+    kind, dot, _ = name.partition(".")
+    of_kind = {name for name in names if name.startswith(f"{kind}.")}
+    if dot and of_kind:
+        return of_kind
+    kinds = {name.partition(".")[0] for name in names} - set(events)
+    return kinds | {f"{event}.{name}" for event in events for name in UNITS}

@@ -30,6 +30,7 @@ from validation.page.line import (
     base_quantity,
     extremes_table_rows,
     few_cars_text,
+    names_of_extremes,
     print_line_summary,
     three_decimals_text,
 )
@@ -149,17 +150,14 @@ def max_and_min_rows(line: Line, rows: Sequence[Row | None]) -> list[Row]:
     """Design numbers: largest and smallest value of each quantity, with its position; rows : numbers by position."""
     out = []
     for name, values in _values_by_quantity(rows).items():
-        words = WORDS[name.partition(":")[0]]
-        for word, pick in (("max", max), ("min", min)):
-            if words.get("only", word) == word:
-                extreme, _ = pick(values)
-                rounding = ROUNDING * abs(extreme)
-                value, i = next(x for x in values if abs(x[0] - extreme) <= rounding)  # the first of equal ones
-                cars = {car.name: line.position_of(car, i) for car in line.car}
-                out.append({
-                    "quantity": _name_of_extreme(name, word), "value": value, "bar": None, "unit": words["unit"],
-                    "position": i + 1, "at": cars,
-                })  # fmt: skip
+        unit = WORDS[name.partition(":")[0]]["unit"]
+        for word, quantity in names_of_extremes(name).items():
+            extreme, _ = max(values) if word == "max" else min(values)
+            rounding = ROUNDING * abs(extreme)
+            value, i = next(x for x in values if abs(x[0] - extreme) <= rounding)  # the first of equal ones
+            cars = {car.name: line.position_of(car, i) for car in line.car}
+            number = {"quantity": quantity, "value": value, "bar": None, "unit": unit}
+            out.append(number | {"position": i + 1, "at": cars})
     return out
 
 
@@ -171,13 +169,6 @@ def _values_by_quantity(rows: Sequence[Row | None]) -> dict[str, list[tuple[floa
         if isinstance(value, float) and base_quantity(name) != "x":
             series.setdefault(name, []).append((value, i))
     return series
-
-
-def _name_of_extreme(name: str, max_or_min: str) -> str:
-    """As `tension_max:tower` for `tension:tower`."""
-    kind, colon, of = name.partition(":")
-    quantity = kind if kind.endswith(f"_{max_or_min}") else f"{kind}_{max_or_min}"
-    return f"{quantity}{colon}{of}"
 
 
 def envelope_columns(rest: LineRest) -> dict[str, Array]:

@@ -258,22 +258,28 @@ def _add_path_curves(panel: Panel, grid: StoredGrid, x_column: str, y_column: st
             panel.add_curve(x, y, *look, 1.6, grid.label_of_point(row))
 
 
-def _side_view_figure(scenes: Sequence[Scene], grid: StoredGrid) -> Markup:
-    """Empty ropes, paths, ground and obstacles of the scenes of all rows from the side."""
-    span = max(scene.supports.span for scene in scenes)
-    empty_ropes: dict[tuple[float, ...], Array] = {}  # (2, n) by rounded depths: most grids have one
-    lowest_of_cars = []
-    for scene, path in zip(scenes, grid.paths, strict=True):
+def _distinct_empty_ropes(scenes: Sequence[Scene]) -> list[Array]:
+    """Points (2, n) of the empty ropes that differ by a millimetre: most grids have one."""
+    ropes: dict[tuple[float, ...], Array] = {}
+    for scene in scenes:
         s = np.linspace(0.0, scene.length, 101)
         rope = np.stack([scene.catenary.x(s), scene.catenary.y(s)])
-        empty_ropes.setdefault(tuple(rope.ravel().round(3).tolist()), rope)
+        ropes.setdefault(tuple(rope.ravel().round(3).tolist()), rope)
+    return list(ropes.values())
+
+
+def _side_view_figure(scenes: Sequence[Scene], grid: StoredGrid) -> Markup:
+    """Empty ropes, paths, grounds and obstacles of the scenes of all rows from the side."""
+    span = max(scene.supports.span for scene in scenes)
+    ropes = _distinct_empty_ropes(scenes)
+    lowest_of_cars = []
+    for scene, path in zip(scenes, grid.paths, strict=True):
         if path:
             lowest_of_cars.append(np.array(path["y"]) + (scene.mass.below if scene.mass else 0.0))
-    ground = np.array(scenes[0].ground).reshape(-1, 2)
-    obstacles = dict.fromkeys((o.name, o.at, o.top) for scene in scenes for o in scene.obstacle)
-    ropes = list(empty_ropes.values())
+    grounds = [np.array(ground) for ground in dict.fromkeys(scene.ground for scene in scenes) if ground]
+    obstacles = dict.fromkeys(obstacle for scene in scenes for obstacle in scene.obstacle)
     depths = [*(y for _, y in ropes), *lowest_of_cars]
-    p, caption = plot.side_view_panel(depths, span, ground, list(obstacles), pad=0.05)
+    p, caption = plot.side_view_panel(depths, span, grounds, obstacles, pad=0.05)
     p.title = "path of the car"
     for x, y in ropes:
         p.add_curve(x, y, plot.GREY, plot.DOTTED, 1.2, "empty rope at rest")
