@@ -114,6 +114,7 @@ class Part(BaseModel):
     """A frozen piece of a scene; SceneError with all its faults."""
 
     not_modelled: ClassVar[dict[str, str]] = NOT_MODELLED  # keys that people try
+    takes_keys_of: ClassVar[Sequence[type["Part"]]] = ()  # beside its own
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, serialize_by_alias=True, validate_default=True, allow_inf_nan=False,
     )  # fmt: skip

@@ -56,9 +56,10 @@ def json_schema(*parts: type[Part]) -> dict[str, Any]:
 
 
 def list_keys(part: type[Part]) -> Iterator[Key]:
-    """All keys of a part and its parts."""
-    content = json_schema(part)
-    return _table_keys(content, content["$defs"], "")
+    """All keys of a part and its parts, and of those whose keys it takes, too."""
+    for own in (part, *part.takes_keys_of):
+        content = json_schema(own)
+        yield from _table_keys(content, content["$defs"], "")
 
 
 def unit_of_key(part: type[Part], key: str) -> str:

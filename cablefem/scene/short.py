@@ -6,7 +6,7 @@ import copy
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from pydantic import PrivateAttr
 
@@ -23,6 +23,7 @@ CABLE_AT_REST = ("name", "gravity", "cable", "supports")  # keys of a scene that
 class LineOfOneSpan(Line):
     """The line of two anchors and one car that the tables of one span describe; it takes their keys, too."""
 
+    takes_keys_of: ClassVar = (Scene,)
     _span_tables: dict[str, Any] = PrivateAttr()
 
     @classmethod

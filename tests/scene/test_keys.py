@@ -6,8 +6,9 @@ import pytest
 
 from cablefem import Scene, SceneError
 from cablefem.scene import ConstantSpeed
-from cablefem.scene.keys import json_schema, list_keys
+from cablefem.scene.keys import json_schema, list_keys, unit_of_key
 from cablefem.scene.line import Line
+from cablefem.scene.short import LineOfOneSpan
 from tests.scene.test_faults import GOOD, TRAVEL, scene_faults
 from tests.scene.test_timetables import OBSTACLES
 
@@ -22,6 +23,12 @@ def test_every_key_has_a_unit_a_meaning_and_a_range(part):
         assert key.unit, key
         assert key.admits, key
         assert key.meaning or key.name.split(".")[-1] in ("mass", "gravity"), key
+
+
+def test_a_line_of_one_span_has_units_of_both_ways_to_write_it():
+    """A grid of `mass.mass`, and an answer of find, had no unit where the car has wheels or a cabin."""
+    keys = ("mass.mass", "supports.drop", "travel.top_speed", "car.car.mass", "cable.length")
+    assert [unit_of_key(LineOfOneSpan, key) for key in keys] == ["kg", "m", "m/s", "kg", "m"]
 
 
 def test_keys_are_those_that_scenes_read():
