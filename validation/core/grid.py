@@ -10,7 +10,7 @@ mass.mass=+1%             relative to the scene's
 import itertools
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -67,13 +67,11 @@ def grid_points(pairs: Sequence[str]) -> list[dict[str, Any]]:
     return [dict(zip(keys, row, strict=True)) for row in itertools.product(*(values for _, values in axes))]
 
 
-def split_scene_and_method_settings(
-    point: dict[str, Any], keys_of_scene: Sequence[str]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Split a point into settings of the scene (dotted keys, or `keys_of_scene`) and of the method."""
+def split_scene_and_method_settings(point: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Split a point into settings of the scene (dotted keys, and a few others) and of the method."""
     scene: dict[str, Any] = {}
     method: dict[str, Any] = {}
     for key, value in point.items():
-        settings = scene if "." in key or key in keys_of_scene else method
+        settings = scene if "." in key or key in ("gravity", "ground", "title") else method
         settings[key] = value
     return scene, method

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -53,39 +53,12 @@ class Station:
     weight: float = 0.0  # [N] of a car
 
 
-class StateAtRest(Protocol):
-    """A state of rest with n stations, as a solver gives it: s [m], points [m], forces [N]."""
-
-    @property
-    def s(self) -> Array: ...  # (n,)
-
-    @property
-    def points(self) -> Array: ...  # (n, 2)
-
-    @property
-    def behind(self) -> Array: ...  # (n, 2), nan at the left end
-
-    @property
-    def ahead(self) -> Array: ...  # (n, 2), nan at the right end
-
-    @property
-    def haul(self) -> Array: ...  # (n,), nan but of hauled cars
-
-
-class StatesAtRest(Protocol):
-    """States of a line without cars, and by position from 0; at both ends of a shoe by position and car on it."""
-
-    @property
-    def empty(self) -> StateAtRest: ...
-
-    @property
-    def positions(self) -> Sequence[Any]: ...
-
-    @property
-    def states(self) -> Mapping[int, StateAtRest]: ...
-
-    @property
-    def shoe_ends(self) -> Mapping[tuple[int, str], Sequence[StateAtRest]]: ...
+# a state of rest as a solver gives it, with n stations: s (n,) [m] and points (n, 2) [m], the forces behind and ahead
+# (n, 2) [N] and haul (n,) [N], nan where there is none
+StateAtRest = Any
+# `empty`, the state of a line without cars, `positions`, `states` by position from 0, and `shoe_ends`: two states by
+# position and car on a shoe
+StatesAtRest = Any
 
 
 class LineAtRest(LineData):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -135,12 +135,15 @@ class LineTolerance:
         return max(FIELDS, 10.0 * self.path)
 
 
-def find_car(moved: LineRun, name: str) -> CarMotion:
-    return next(car for car in moved.motion.cars if car.name == name)
+def find_body(moved: LineRun, name: str) -> Any:
+    """The car or contact of that name."""
+    bodies: list[Any] = [*moved.motion.cars, *moved.motion.contacts]
+    return next(body for body in bodies if body.name == name)
 
 
-def find_contact(moved: LineRun, name: str) -> ContactMotion:
-    return next(contact for contact in moved.motion.contacts if contact.name == name)
+def series_of_body(name: str, field: str) -> Series:
+    """A field (n, ...) of the car or contact of that name, of any run."""
+    return lambda moved: getattr(find_body(moved, name), field)
 
 
 def distances(a: Array, b: Array) -> Array:
@@ -218,11 +221,8 @@ class LineComparison:
 
     def _car_rows(self, car: CarMotion) -> Iterator[Agreement]:
         name = car.name
+        of = partial(series_of_body, name)
         weight = Norm(self.scales.weights[name], self.tolerance.tension)
-
-        def of(field: str) -> Series:
-            return lambda moved: getattr(find_car(moved, name), field)
-
         yield self._series_row("path_max", name, of("point"), self.path)
         yield self._series_row("path_rms", name, of("point"), self.path, rms=True)
         for field in ("tension_behind", "tension_ahead"):
@@ -236,7 +236,7 @@ class LineComparison:
         for column, values in turning_and_wheel_load_series(car).items():
 
             def of_column(moved: Any, column: str = column) -> Array:
-                return turning_and_wheel_load_series(find_car(moved, name))[column]
+                return turning_and_wheel_load_series(find_body(moved, name))[column]
 
             if column in ANGLES:
                 swept = Norm(float(np.ptp(values)) or 1.0, self.tolerance.tension)
@@ -246,12 +246,10 @@ class LineComparison:
 
     def _contact_rows(self, contact: ContactMotion) -> Iterator[Agreement]:
         name = contact.name
-
-        def of(field: str) -> Series:
-            return lambda moved: getattr(find_contact(moved, name), field)
+        of = partial(series_of_body, name)
 
         def tension(moved: Any) -> Array:
-            return tension_behind_or_ahead(find_contact(moved, name))
+            return tension_behind_or_ahead(find_body(moved, name))
 
         yield self._series_row("tension", name, tension, self.tension, passes=1)
         yield self._series_row("pressure", name, of("pressure"), self.tension, passes=1)
@@ -482,7 +480,7 @@ def bars_of_hand_wheel_loads(line: Line, moved: LineRun, numbers: dict[str, Extr
     """
     bars: dict[str, float] = {}
     for car in line.car:
-        x = find_car(moved, car.name)
+        x = find_body(moved, car.name)
         if car.wheels is None or x.wheel_loads is None:
             continue
         neglected = neglected_wheel_load(car.wheels, car.mass, line.gravity, moved.motion.t, x)

@@ -19,7 +19,6 @@ import numpy as np
 
 from cablefem.response import Array, Observation, Response
 from cablefem.scene import Groups, Scene
-from cablefem.scene.catenary import coordinates, static_tension
 from cablefem.scene.statics import Rest, gripped_rest, hauled_rest, load_path_positions
 from validation.core.sampling import (
     OBSERVED,
@@ -179,7 +178,7 @@ class Statics:
 
     def displacement_of_car(self, s_o: Array) -> Array:
         """Displacement of the car (n, 2); none next to a support."""
-        hanging = np.stack(coordinates(s_o, self._groups.sigma, self._groups.c), -1)  # points of the empty cable
+        hanging = np.stack(self._groups.coordinates(s_o), -1)  # points of the empty cable
         off_supports = (s_o > NEAREST) & (s_o < 1.0 - NEAREST)
         return np.where(off_supports[:, None], self(s_o).car_point - hanging, 0.0)
 
@@ -212,7 +211,7 @@ def _min_tension_and_position(r: Rest, sigma: float) -> tuple[Array, Array]:
 
 def _fields_at_frames(statics: Statics, groups: Groups, s: Array, s_o: Array, ds: Array) -> dict[str, Any]:
     """Displacement, velocity and tension at frames, (k, m) each."""
-    hanging = np.stack(coordinates(s, groups.sigma, groups.c), -1)
+    hanging = np.stack(groups.coordinates(s), -1)
 
     def displacement(s_o: Array) -> Array:
         return _station_points(statics(s_o), groups, s) - hanging  # (k, m, 2)
@@ -237,7 +236,7 @@ def _station_points(r: Rest, groups: Groups, s: Array) -> Array:
     force = r.left_force[:, None] + ahead[..., None] * r.jump[:, None]  # at s = 0 of each side (k, m, 2)
     horizontal = force[..., :1]  # (k, m, 1)
     vertical = force[..., 1:] - groups.sigma * p  # (k, m, POINTS)
-    stretch = 1.0 - static_tension(p, groups.sigma, groups.c) / groups.alpha  # of the empty cable
+    stretch = 1.0 - groups.static_tension(p) / groups.alpha  # of the empty cable
     tension = np.sqrt(horizontal**2 + vertical**2)
     weights = half * w * (stretch / tension + 1.0 / groups.alpha)  # (k, m, POINTS)
     dx = horizontal[..., 0] * weights.sum(axis=2)  # of each piece (k, m)

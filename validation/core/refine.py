@@ -55,12 +55,11 @@ class RunsOfMethod:
     """Runs of one method; coarser ones may end at s_o/l = `window_end`."""
 
     def __init__(
-        self, scene: Scene, method: str | Method, options: dict[str, Any], view: View | None,
-        earlier_runs: Sequence[Response] = (),
-    ) -> None:  # fmt: skip
+        self, scene: Scene, method: str | Method, options: dict[str, Any], earlier_runs: Sequence[Response] = ()
+    ) -> None:
         self.scene = scene
         self.method = find_method(method)
-        self.view = view or View.of_scene(scene)
+        self.view = View.of_scene(scene)
         self.earlier = earlier_runs
         self.made = list[Run]()
         self.model = {key: options[key] for key in RUN_OPTIONS if key in options}
@@ -148,10 +147,10 @@ class RunsOfMethod:
 
 def run_with_error_bars(
     scene: Scene, method: str | Method, *, progress: Progress = no_progress, earlier_runs: Sequence[Response] = (),
-    view: View | None = None, **options: Any,
+    **options: Any,
 ) -> Ladder:  # fmt: skip
     """The ladder of a run; `options` as in `run`, `earlier_runs` runs are reused."""
-    runs = RunsOfMethod(scene, method, options, view, earlier_runs)
+    runs = RunsOfMethod(scene, method, options, earlier_runs)
     ladder = runs.compute_ladder(runs.method.settings_for_scene(scene.groups, runs.settings))
     progress(0.5)
     return runs.continued_with_error_bars(ladder)
@@ -159,16 +158,15 @@ def run_with_error_bars(
 
 def refine_to_tolerance(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress = no_progress, budget: float = BUDGET,
-    view: View | None = None, **options: Any,
+    **options: Any,
 ) -> Ladder:  # fmt: skip
     """A ladder whose finest run has a path bar of at most `tol`; see README.md, "How fine a run is".
 
     budget : see `exceeds_work_budget`.
-    view : range of the path's bar; default: of the scene.
 
     Raises TooCoarse.
     """
-    runs = RunsOfMethod(scene, method, options, view)
+    runs = RunsOfMethod(scene, method, options)
     method = runs.method
     if method.wrong:
         raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")

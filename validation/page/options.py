@@ -167,7 +167,7 @@ def changes_and_settings(scene: Scene | Line, values: Mapping[str, Any]) -> tupl
     """Changes of the scene, those of a load case among them, and settings of the method at a point of a grid."""
     from validation.core import grid
 
-    changes, settings = grid.split_scene_and_method_settings(dict(values), ("gravity", "ground", "title"))
+    changes, settings = grid.split_scene_and_method_settings(values)
     if "case" in settings:
         changes = _load_case_changes(settings.pop("case"), scene) | changes
     return changes, settings

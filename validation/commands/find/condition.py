@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from cablefem.response import Response
+from cablefem.scene import Scene
 from cablefem.scene.errors import did_you_mean
-from validation.core.answers import LINE_OUTCOMES, ONE_SPAN_OUTCOMES, Outcome
-from validation.core.limits import MET, first_brake_or_arrival, worst_judged_row, worst_limit_columns
+from validation.core.answers import LINE_OUTCOMES, ONE_SPAN_OUTCOMES, Outcome, outcome_of_run
+from validation.core.limits import MET, first_brake_or_arrival, limit_rows, worst_judged_row, worst_limit_columns
 from validation.core.quantities import limit_row_texts
 from validation.core.scene_data import conversion_factor_or_nan
 from validation.core.store import Refused
@@ -57,6 +59,12 @@ class Answer:
         worst = worst_judged_row(limits)
         verdict = worst_limit_columns(limits).get("limits_met", "")
         return cls(outcome.kind, outcome.sentence, numbers, verdict, "" if worst is None else _limit_sentence(worst))
+
+
+def answer_of_run(scene: Scene, r: Response) -> Answer:
+    """The answer that a run of one span gives."""
+    judged = limit_rows(scene, r.design, r.events)
+    return Answer.from_rows(outcome_of_run(scene, r), r.design, r.events, judged)
 
 
 def _numbers_of_design(design: Sequence[Row]) -> dict[str, Number]:

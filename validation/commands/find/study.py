@@ -26,10 +26,12 @@ from validation.commands.find.condition import (
     Answer,
     Clause,
     Row,
+    answer_of_run,
     parse_condition,
     refuse_uncheckable_clauses,
 )
 from validation.core import store
+from validation.core.answers import outcome_of_run
 from validation.core.quantities import text_with_bar
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.store import Refused
@@ -422,9 +424,6 @@ def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: boo
 
     only_events : without design numbers and bars.  bars : of the full model, too.
     """
-    from validation.core import limits
-    from validation.core.answers import outcome_of_run
-
     if isinstance(scene, Line):
         from validation import run_with_bars
 
@@ -442,7 +441,7 @@ def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: boo
         if only_events:
             return Answer.from_rows(outcome_of_run(scene, r), (), r.events, ())
         r = with_inertia_error_bars(scene, replace(r, design=design_numbers(r)))
-    return Answer.from_rows(outcome_of_run(scene, r), r.design, r.events, limits.limit_rows(scene, r.design, r.events))
+    return answer_of_run(scene, r)
 
 
 def _line_answer(numbers: LineAnswers) -> Answer:
@@ -456,15 +455,13 @@ def _line_answer(numbers: LineAnswers) -> Answer:
 def checked_answer_and_verdict(scene: Any, path_tol_of_span: float) -> tuple[Answer, str]:
     """The answer of both solvers, and their verdict; path_tol_of_span : a line of several has its own."""
     from validation import check
-    from validation.core.answers import outcome_of_run
 
     if isinstance(scene, Line):
         check_line: Any = check
         of_line = check_line(scene)
         return _line_answer(of_line), of_line.verdict.value
     both = check(scene, tol=path_tol_of_span)
-    r = replace(both.a.finest, design=both.design)
-    return Answer.from_rows(outcome_of_run(scene, r), both.design, r.events, both.limits), both.verdict.value
+    return answer_of_run(scene, replace(both.a.finest, design=both.design)), both.verdict.value
 
 
 def find_curve(

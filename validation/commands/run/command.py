@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from validation.commands.run import CHOICES, QUASI_STATIC
+from validation.commands.run import CHOICES, QUASI_STATIC, unknown_choice_faults
 from validation.core import store
 from validation.page import options, terminal
 
@@ -41,8 +41,6 @@ def command(
     Writes DIR/METHOD/: path.csv, tension.csv, profile.csv, summary.json, response.npz, and for ParaView response.xdmf
     with its data, response.h5, and mass.xdmf. Beside it report.html. A grid writes table.csv and report.html.
     """
-    from cablefem.scene.errors import did_you_mean, short_text
-
     run_options = {"model": model, "load": load, "law": law}
     if (line := options.load_line_or_refuse(scene)) is not None:
         others = {f"--{option}": given != CHOICES[option][0] for option, given in run_options.items()}
@@ -50,11 +48,7 @@ def command(
         others |= {"--method": method != METHOD, "--tol": tol is not None, "--no-bars": not bars}
         points = options.line_points_from_options(options.with_limits_of_regulations(line, limits), set_, case, others)
         return _answer_and_report_lines(points, model == QUASI_STATIC, out, require)
-    faults = [
-        f"--{option} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[option])}"
-        for option, given in run_options.items() if given not in CHOICES[option]
-    ]  # fmt: skip
-    faults += options.tolerance_faults(tol)
+    faults = unknown_choice_faults(run_options, "--") + options.tolerance_faults(tol)
     chosen = None if model == QUASI_STATIC else _find_method_noting_faults(method, tol, faults)
     loaded = options.with_limits_of_regulations(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
     points = options.grid_points_from_options(loaded, set_, case)

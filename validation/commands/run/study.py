@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 from cablefem.response import LazyValue, Response
 from cablefem.scene import Scene
-from cablefem.scene.errors import did_you_mean, short_text
-from validation.commands.run import CHOICES, QUASI_STATIC
+from validation.commands.run import QUASI_STATIC, unknown_choice_faults
 from validation.core import limits, recomputed
 from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict, range_faults
 from validation.core.answers import outcome_of_run
@@ -143,10 +142,7 @@ def run_faults(
     scene: Scene, method: Method, options: dict[str, Any], settings: dict[str, Any], tol: float | None
 ) -> list[str]:  # fmt: skip
     """Sentences: why a method cannot run a scene with a model, load and law (`options`), settings and tolerance."""
-    faults = [
-        f"{name} = {short_text(given)}: unknown.{did_you_mean(str(given), CHOICES[name])}"
-        for name, given in options.items() if given not in CHOICES[name]
-    ]  # fmt: skip
+    faults = unknown_choice_faults(options)
     if options["model"] == QUASI_STATIC:
         faults.append(f"model = {QUASI_STATIC!r}: no method has it; cf.quasi_static computes it")
     if tol is not None:
