@@ -382,12 +382,11 @@ class Response(MassPath):
         k, m = f.T.shape
         station = np.concatenate([np.broadcast_to(f.s, (k, m)), f.s_o[:, None], f.s_o[:, None]], axis=1)
         tension = np.concatenate([f.T, f.T_behind[:, None], f.T_ahead[:, None]], axis=1)
-        time = np.repeat(f.t, m + 2)
-        write_csv(folder / "tension.csv", "t,s,T", np.stack([time, station.ravel(), tension.ravel()], axis=1))
+        columns = {"t": np.repeat(f.t, m + 2), "s": station.ravel(), "T": tension.ravel()}
+        write_csv(folder / "tension.csv", columns)
 
     def write_path_csv(self, folder: Path) -> None:
-        path = np.stack([getattr(self, name) for name in PATH_COLUMNS], axis=1)
-        write_csv(folder / "path.csv", ",".join(PATH_COLUMNS), path)
+        write_csv(folder / "path.csv", {name: getattr(self, name) for name in PATH_COLUMNS})
 
     def write_npz_and_summary(self, folder: Path) -> None:
         """Write response.npz, with all arrays, and summary.json."""
@@ -443,8 +442,10 @@ def atomic_write(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def write_csv(path: Path, header: str, rows: Array) -> None:
-    """Write rows in full; NaN as an empty cell."""
+def write_csv(path: Path, columns: Mapping[str, Array]) -> None:
+    """Write columns (n,) in full; NaN as an empty cell."""
+    header = ",".join(columns)
+    rows = np.stack(list(columns.values()), axis=1)
     with atomic_write(path) as temporary, temporary.open("w", encoding="ascii") as out:
         body = repr(rows.tolist())[2:-2].replace("], [", "\n").replace(", ", ",").replace("nan", "")
         out.write(f"{header}\n{body}\n" if rows.size else f"{header}\n")

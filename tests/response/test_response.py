@@ -178,7 +178,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
         interrupted()
     assert json.loads(target.read_text()) == {"x": 1}
     assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
-    write_csv(tmp_path / "b.csv", "p,q", np.array([[1.5, np.nan]]))
+    write_csv(tmp_path / "b.csv", {"p": np.array([1.5]), "q": np.array([np.nan])})
     assert (tmp_path / "b.csv").read_text() == "p,q\n1.5,\n"
 
 

@@ -46,12 +46,12 @@ def test_the_judge_s_timetable_is_the_solvers_travel(name, drive):
     m, made = motion_in_si_and_scene(LAWS[name], drive)
     t = np.linspace(0.0, m.end_time * (1.0 - 1e-9), 301)
     x = tomllib.loads(made.to_toml())
-    said = timetable.positions_at(x["travel"], x.get("drive", {}), made.length, t)
+    said = timetable.Timetable(x["travel"], x.get("drive", {}), made.length).positions_at(t)
     np.testing.assert_allclose(m.position(t), said, rtol=0.0, atol=1e-9 * made.length)
     for key in x["travel"].keys() & {"acceleration", "speed", "from", "stop"}:
         value = x["travel"][key]
         wrong = {**value, "time": value["time"] * 1.001} if isinstance(value, dict) else value * 1.001
-        other = timetable.positions_at({**x["travel"], key: wrong}, x.get("drive", {}), made.length, t)
+        other = timetable.Timetable({**x["travel"], key: wrong}, x.get("drive", {}), made.length).positions_at(t)
         assert np.nanmax(np.abs(other - said)) > 1e-4, key
 
 

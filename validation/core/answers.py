@@ -218,8 +218,7 @@ def write_summary_and_profile(folder: Path, scene: Scene, r: Response) -> None:
     if judged:
         answer["limits"] = judged
     write_json(folder / "summary.json", answer | r.summary())
-    columns = profile_columns(r)
-    write_csv(folder / "profile.csv", ",".join(columns), np.stack(list(columns.values()), axis=1))
+    write_csv(folder / "profile.csv", profile_columns(r))
 
 
 def _path_pieces_sorted_in_x(r: Response, end_time: float) -> Iterator[tuple[Array, Array]]:

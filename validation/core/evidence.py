@@ -15,6 +15,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from cablefem.response import Array, Response
 from validation.core.scene_data import ROUNDING, SceneData, air_drag_factor, is_within, thrust_times_and_forces
+from validation.core.timetable import Timetable
 
 AT_REST = ("s", "x", "y", "T_static")
 
@@ -100,6 +101,10 @@ class Evidence:
             of_rows = x[::2] if name in AT_REST else x[rows]
             thin[name] = of_rows[:, ::2] if x.ndim == 2 else of_rows
         return Evidence(replace(self.r, fields=replace(f, **thin)), self.windows)
+
+    @property
+    def timetable(self) -> Timetable:
+        return Timetable(self.data.travel, self.data.drive, self.r.length)
 
     # --- the cable at rest -----------------------------------------------------------------------------
 

@@ -94,8 +94,7 @@ class ForeignPath(MassPath):
 
     def write(self, file: Path) -> None:
         """Write the known columns as a CSV file."""
-        columns = {k: x for k in _COLUMNS if (x := getattr(self, k)) is not None}
-        write_csv(file, ",".join(columns), np.stack(list(columns.values()), axis=1))
+        write_csv(file, {k: x for k in _COLUMNS if (x := getattr(self, k)) is not None})
 
 
 def _refuse_other_than_finite_columns(name: str, arrays: dict[str, Array]) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
-from validation.core import rest, timetable
+from validation.core import rest
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.evidence import Evidence, Side, TimeWindows, Window, cross_product
 from validation.core.order import FIRST, SAFETY, error_bar
@@ -309,7 +309,7 @@ def prescribed_travel_defect(evidence: Evidence) -> Defect:
         return _defect_without_position(_largest_timetable_position_gap(evidence) / l)
     steps = evidence.steps_in_windows_off_supports
     s = r.s_o[steps]
-    off = s - timetable.positions_at(travel, evidence.data.drive, l, r.t[steps])
+    off = s - evidence.timetable.positions_at(r.t[steps])
     worst = np.argmax(np.abs(off))
     return Defect(s[worst, None] / l, off[worst, None, None] / l)
 
@@ -321,7 +321,7 @@ def _largest_timetable_position_gap(evidence: Evidence) -> float:
     t = r.t[evidence.steps_in_windows_off_supports]
     begin = t[0]
     end = t[-1]
-    start = timetable.start_position(travel, evidence.data.drive, r.fields.s[-1])
+    start = evidence.timetable.start_position
     stop = min(end, travel.get("stop", {}).get("time", math.inf))
     off = [0.0]
     for (low, high), position in zip(pairwise(travel["times"]), travel["positions"][1:], strict=True):
@@ -355,7 +355,7 @@ def drive_and_event_defect(evidence: Evidence) -> Defect:
     """Start, brakes, arrival and thrust are those of the TOML; over length, time, top speed, thrust."""
     r = evidence.r
     l = r.fields.s[-1]
-    start = timetable.start_position(evidence.data.travel, evidence.data.drive, l)
+    start = evidence.timetable.start_position
     off = [(r.s_o[0] - start) / l, *_event_gaps(evidence, start)]
     times, forces = thrust_times_and_forces(evidence.data.drive)
     if r.drive == "free" and forces.any():
@@ -373,7 +373,7 @@ def _event_gaps(evidence: Evidence, start: float) -> list[float]:
     thrust_times, _ = thrust_times_and_forces(drive)
     times = {"release": drive.get("release", 0.0), "thrust_end": float(thrust_times[-1])}
     # [m] one of which is that of the event
-    positions = {"arrival": [drive.get("end", {}).get("place", 0.99 * l)], "back": [0.5 * min(start, 0.01 * l)]}
+    positions = {"arrival": [evidence.timetable.arrival_position], "back": [0.5 * min(start, 0.01 * l)]}
     positions["brake"] = [brake["from"] for brake in drive.get("brake", [])]
     gaps = []
     for event in r.events:
@@ -403,7 +403,7 @@ def car_start_at_rest_defect(evidence: Evidence) -> Defect:
     r = evidence.r
     data = evidence.data
     friction = None if r.drive == "free" else data.drive.get("rolling_friction", 0.0)
-    cable = rest.EmptyCable((data.span, data.drop), data.EA, data.rho * data.gravity, r.length, r.horizontal_tension)
+    cable = rest.empty_cable(data, r)
     expected = rest.car_point_at_rest(cable, float(r.s_o[0]), data.weight, friction)
     off = np.array([r.x[0], r.y[0]]) - expected
     return _defect_without_position(*(off / r.max_deflection))

@@ -14,7 +14,6 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import brentq
 
 from cablefem.response import Array, Response
-from validation.core import timetable
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.evidence import Evidence, TimeWindows, cross_product, cumulative_integral
 from validation.core.measures import (
@@ -25,7 +24,7 @@ from validation.core.measures import (
     position_where_mass_outruns_waves,
     time_span_for_extremes,
 )
-from validation.core.rest import EmptyCable, car_point_at_rest
+from validation.core.rest import car_point_at_rest, empty_cable
 from validation.core.scene_data import (
     ROUNDING,
     SceneData,
@@ -35,6 +34,7 @@ from validation.core.scene_data import (
     obstacle_and_ground_profiles,
     rope_stresses_at_wheel,
 )
+from validation.core.timetable import Timetable
 
 
 def _recomputed_row(
@@ -93,6 +93,7 @@ class RecomputedNumbers:
     def __init__(self, r: Response, counterpart: Response | None) -> None:
         self.r = r
         self.data = SceneData(r.scene_toml, r.length)
+        self.timetable = Timetable(self.data.travel, self.data.drive, r.length)
         self.signals = _signals_by_kind(r, self.data)
         self.time_span = time_span_for_extremes(r, counterpart)
         self.until = last_time_valid_in_all(r, counterpart or r)
@@ -119,13 +120,13 @@ class RecomputedNumbers:
         if kind == "sag_car_rest":
             return _max_sag_of_car_at_rest(self.r, self.data)
         if kind in FROM_TOML:
-            rates = timetable.accelerations_at_stretch_ends(self.data.travel, self.data.drive, self.r.length)
+            rates = self.timetable.accelerations_at_stretch_ends
             return max(0.0, *(rates if kind == "acceleration_max" else -rates))
         if kind == "safety_factor_min":
             tension = self._extreme("tension_max", averaged=True)
             return None if tension is None else self.data.cable["breaking_load"] / tension
         if kind == "speed_max" and self.r.drive != "free":
-            of_timetable = timetable.top_speed(self.data.travel, self.data.drive, self.r.length)
+            of_timetable = self.timetable.top_speed
             return max(of_timetable, self._extreme(kind, averaged) or 0.0)
         return self._extreme(kind, averaged)
 
@@ -168,8 +169,7 @@ def _max_sag_of_car_at_rest(r: Response, data: SceneData) -> float:
     """Largest depth below the chord of a car at rest: a parabola through the largest of some places."""
     friction = data.drive.get("rolling_friction", 0.0) if r.drive == "haul" else None
     s_o = r.length * np.linspace(0.02, 0.98, 49)
-    supports = data.span, data.drop
-    cable = EmptyCable(supports, data.EA, data.rho * data.gravity, r.length, r.horizontal_tension)
+    cable = empty_cable(data, r)
     points = [car_point_at_rest(cable, float(s), data.weight, friction) for s in s_o]
     x, y = np.array(points).T
     sag = y - x * data.drop / data.span
@@ -390,11 +390,10 @@ def _expected_outcome_of_free_ride(r: Response, drive: dict[str, Any]) -> Expect
 def _expected_outcome_of_travel(r: Response, data: SceneData) -> ExpectedOutcome:
     """The end of a prescribed travel, by the TOML."""
     hauled = r.drive == "haul"
-    start = timetable.start_position(data.travel, data.drive, r.length)
-    end = r.length
-    if hauled:
-        end = data.drive.get("end", {}).get("place", 0.99 * r.length)
-    last, duration = _travel_end_and_duration(data, r.length, start, end)
+    table = Timetable(data.travel, data.drive, r.length)
+    start = table.start_position
+    end = table.arrival_position if hauled else r.length
+    last, duration = _travel_end_and_duration(table, end)
     # a law and a design number judge the onset itself; here its text is compared
     onset = r.slack_onset_position_or_inf  # s_o/l
     if onset > SLACK_END:
@@ -410,16 +409,17 @@ def _expected_outcome_of_travel(r: Response, data: SceneData) -> ExpectedOutcome
     return ExpectedOutcome("crossed", [*ends, duration, *slack])
 
 
-def _travel_end_and_duration(data: SceneData, length: float, start: float, end: float) -> tuple[float, float]:
-    """End [m] and duration [s] of a travel; nan where a table does not say it."""
-    law = data.travel
+def _travel_end_and_duration(table: Timetable, end: float) -> tuple[float, float]:
+    """Where [m] a travel to `end`, or one that stops before, ends, and its duration [s]; nan where a table has none."""
+    law = table.travel
+    start = table.start_position
     if law["kind"] == "table":
         last = min(end, law["positions"][-1] + start)
         known = last < end and "stop" not in law
         return last, law["times"][law["positions"].index(law["positions"][-1])] if known else math.nan
 
     def position_at(t: float) -> float:
-        return float(timetable.positions_at(law, data.drive, length, np.array([t]))[0])
+        return float(table.positions_at(np.array([t]))[0])
 
     late = 1.0
     while position_at(late) < end and position_at(2.0 * late) > position_at(late):
@@ -427,7 +427,7 @@ def _travel_end_and_duration(data: SceneData, length: float, start: float, end: 
     last = min(end, position_at(late))
     near = start + (1.0 - ROUNDING) * (last - start)  # a car comes to rest slowly
     duration = float(brentq(lambda t: position_at(t) - near, 0.0, late))
-    limit = data.drive.get("end", {}).get("time", math.inf)
+    limit = table.drive.get("end", {}).get("time", math.inf)
     return (last, duration) if duration <= limit else (position_at(limit), limit)
 
 

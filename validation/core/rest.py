@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import root
 
-from cablefem.response import Array
+from cablefem.response import Array, Response
+from validation.core.scene_data import SceneData
 
 
 class EmptyCable(NamedTuple):
@@ -27,6 +28,11 @@ class EmptyCable(NamedTuple):
     weight: float  # per length [N/m]
     length: float  # [m]
     H: float  # horizontal tension [N]
+
+
+def empty_cable(data: SceneData, r: Response) -> EmptyCable:
+    """The cable of a run without its car."""
+    return EmptyCable((data.span, data.drop), data.EA, data.rho * data.gravity, r.length, r.horizontal_tension)
 
 
 @cache

@@ -2,7 +2,7 @@
 
 import math
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -15,61 +15,72 @@ SLOW_END = 1e-3  # of the top speed: a table that begins or ends slower does so 
 Stretches = list[tuple[float, float, float]]  # duration [s], initial acceleration [m/s2], jerk [m/s3]
 
 
-def start_position(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
-    """Where the car begins [m]."""
-    rolls = drive.get("mode", "grip") != "grip"
-    default = 0.01 * length if rolls else 0.0
-    return float(travel.get("from", drive.get("start", default)))
+class Timetable(NamedTuple):
+    """The [travel] and the [drive] of a TOML on a cable of this length [m]."""
 
+    travel: dict[str, Any]
+    drive: dict[str, Any]
+    length: float
 
-def _travel_distance(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
-    """Of the whole travel [m]."""
-    end = length
-    if drive.get("mode") == "haul":
-        end = drive.get("end", {}).get("place", 0.99 * length)
-    return travel.get("to", end) - start_position(travel, drive, length)
+    @property
+    def start_position(self) -> float:
+        """Where the car begins [m]."""
+        rolls = self.drive.get("mode", "grip") != "grip"
+        default = 0.01 * self.length if rolls else 0.0
+        return float(self.travel.get("from", self.drive.get("start", default)))
 
+    @property
+    def arrival_position(self) -> float:
+        """Where a car that rolls arrives [m]."""
+        return float(self.drive.get("end", {}).get("place", 0.99 * self.length))
 
-def positions_at(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Array) -> Array:
-    """s_o (n,) [m] at times t (n,), tables excepted."""
-    start = start_position(travel, drive, length)
-    speed, stretches = _start_speed_and_stretches(travel, _travel_distance(travel, drive, length))
-    if "stop" not in travel:
-        return _position_and_speed(start, speed, stretches, t)[0]
-    begin = travel["stop"]["time"]
-    hard = travel["stop"]["deceleration"]
-    s, v = _position_and_speed(start, speed, stretches, np.minimum(t, begin))
-    x = np.clip(t - begin, 0.0, v / hard)
-    return s + x * (v - 0.5 * hard * x)
+    @property
+    def distance(self) -> float:
+        """Of the whole travel [m]."""
+        end = self.arrival_position if self.drive.get("mode") == "haul" else self.length
+        return float(self.travel.get("to", end) - self.start_position)
 
+    def positions_at(self, t: Array) -> Array:
+        """s_o (n,) [m] at times t (n,), tables excepted."""
+        start = self.start_position
+        speed, stretches = _start_speed_and_stretches(self.travel, self.distance)
+        if "stop" not in self.travel:
+            return _position_and_speed(start, speed, stretches, t)[0]
+        begin = self.travel["stop"]["time"]
+        hard = self.travel["stop"]["deceleration"]
+        s, v = _position_and_speed(start, speed, stretches, np.minimum(t, begin))
+        x = np.clip(t - begin, 0.0, v / hard)
+        return s + x * (v - 0.5 * hard * x)
 
-def accelerations_at_stretch_ends(travel: dict[str, Any], drive: dict[str, Any], length: float) -> Array:
-    """Accelerations at both ends of each stretch (n,) [m/s2], tables excepted; a stop counts."""
-    _, stretches = _start_speed_and_stretches(travel, _travel_distance(travel, drive, length))
-    rates = [0.0]
-    for duration, a, jerk in stretches:
-        rates += [a, a + jerk * duration if jerk else a]
-    if "stop" in travel:
-        rates.append(-travel["stop"]["deceleration"])
-    return np.array(rates)
+    @property
+    def accelerations_at_stretch_ends(self) -> Array:
+        """Accelerations at both ends of each stretch (n,) [m/s2], tables excepted; a stop counts."""
+        _, stretches = _start_speed_and_stretches(self.travel, self.distance)
+        rates = [0.0]
+        for duration, a, jerk in stretches:
+            rates += [a, a + jerk * duration if jerk else a]
+        if "stop" in self.travel:
+            rates.append(-self.travel["stop"]["deceleration"])
+        return np.array(rates)
 
-
-def top_speed(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
-    """Largest ds_o/dt [m/s] until a stop, or the end of the ride."""
-    last = travel.get("stop", {}).get("time", math.inf)
-    if drive.get("mode") == "haul":
-        last = min(last, drive.get("end", {}).get("time", math.inf))
-    distance = _travel_distance(travel, drive, length)
-    if travel["kind"] == "table":
-        return _top_speed_of_table(travel, distance, last)
-    speed, stretches = _start_speed_and_stretches(travel, distance)
-    times = np.cumsum([0.0] + [duration for duration, _, _ in stretches])
-    if travel["kind"] == "constant_acceleration":  # its stretch has no end
-        a = travel["acceleration"]
-        times[-1] = 2.0 * distance / (speed + math.sqrt(speed**2 + 2.0 * a * distance)) if a > 0.0 else 0.0
-    times = np.where(np.isfinite(times), times, times[-2])  # a cruise has its speed at its start
-    _, v = _position_and_speed(0.0, speed, stretches, np.minimum(times, last))
-    return float(v.max())
+    @property
+    def top_speed(self) -> float:
+        """Largest ds_o/dt [m/s] until a stop, or the end of the ride."""
+        travel = self.travel
+        last = travel.get("stop", {}).get("time", math.inf)
+        if self.drive.get("mode") == "haul":
+            last = min(last, self.drive.get("end", {}).get("time", math.inf))
+        distance = self.distance
+        if travel["kind"] == "table":
+            return _top_speed_of_table(travel, distance, last)
+        speed, stretches = _start_speed_and_stretches(travel, distance)
+        times = np.cumsum([0.0] + [duration for duration, _, _ in stretches])
+        if travel["kind"] == "constant_acceleration":  # its stretch has no end
+            a = travel["acceleration"]
+            times[-1] = 2.0 * distance / (speed + math.sqrt(speed**2 + 2.0 * a * distance)) if a > 0.0 else 0.0
+        times = np.where(np.isfinite(times), times, times[-2])  # a cruise has its speed at its start
+        _, v = _position_and_speed(0.0, speed, stretches, np.minimum(times, last))
+        return float(v.max())
 
 
 def _top_speed_of_table(travel: dict[str, Any], distance: float, last: float) -> float:

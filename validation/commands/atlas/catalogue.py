@@ -164,10 +164,14 @@ def tension_gap_before_slack(a: Response, b: Response, field: str = "T") -> floa
     return measures.rms_tension_gap_over_H(a, b, window, field)
 
 
+def _level_system_and_duration(terms: int) -> tuple[GalerkinSystem, float]:
+    system = GalerkinSystem(level_scene().groups, Fourier(terms))
+    return system, system.phases[-1][1]
+
+
 def frozen_growth_factor(terms: int) -> float:
     """Growth over the crossing, by eigenvalues of the system frozen at instants."""
-    system = GalerkinSystem(level_scene().groups, Fourier(terms))
-    end = system.phases[-1][1]
+    system, end = _level_system_and_duration(terms)
     instants = [0.1 * end, 0.5 * end, 0.9 * end]
     rate = max(specimens.frozen_growth_rate(system, t) for t in instants)
     return float(np.exp(end * rate))
@@ -175,8 +179,7 @@ def frozen_growth_factor(terms: int) -> float:
 
 def explicit_step_count(terms: int, dt_over_limit: float) -> int:
     """Number of steps of a crossing; the limit of stability is 2/omega_max with the mass at mid-span."""
-    system = GalerkinSystem(level_scene().groups, Fourier(terms))
-    end = system.phases[-1][1]
+    system, end = _level_system_and_duration(terms)
     M, _, K = specimens.frozen_matrices(system, 0.5 * end)
     omega_max = math.sqrt(eigvals(K, M).real.max())
     return round(end * omega_max / 2.0 / dt_over_limit)

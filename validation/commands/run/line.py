@@ -270,7 +270,7 @@ class RestAnswers(LineAnswers):
         profile = envelope_columns(self.rest)
         rows = [{"position": i + 1} | (x or {}) for i, x in enumerate(self.numbers)]
         table.write_csv_rows(folder / "positions.csv", rows)
-        write_csv(folder / "profile.csv", ",".join(profile), np.stack(list(profile.values()), axis=1))
+        write_csv(folder / "profile.csv", profile)
         write_text(folder / "scene.toml", line.to_toml())
         outcome = self.outcome
         length = float(np.ptp(self.rest.empty.s))

@@ -55,8 +55,6 @@ Factors = tuple[int, int]  # of the coarsest resolution, and of the fewest steps
 Events = Sequence[tuple[str, float]]  # name and time [s]
 
 ALMOST = 1.0 - 1e-9  # of a time: it is that time
-# columns of path-NAME.csv, beside F_shoe and those of `turning_and_wheel_load_series`
-PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"
 
 
 @dataclass(frozen=True, slots=True)
@@ -529,32 +527,32 @@ class MotionAnswers(LineAnswers):
 
     def _write_paths(self, folder: Path) -> None:
         """Write path-NAME.csv of each car."""
-        motion = self.motion
-        for car in motion.cars:
+        for car in self.cars:
             w = car_deflections(self.line, self.empty, car)
-            speed = np.hypot(*car.velocity.T)
-            more = turning_and_wheel_load_series(car)
+            columns = {"t": self.t, "s_o": car.s, "x": car.point[:, 0], "y": car.point[:, 1]}
+            columns |= {"u": w[:, 0], "v": w[:, 1], "T_behind": car.tension_behind, "T_ahead": car.tension_ahead}
+            columns["speed"] = np.hypot(*car.velocity.T)
+            columns |= {"F_haul": car.haul_force, "F_contact": car.contact_force}
+            columns |= turning_and_wheel_load_series(car)
             if car.shoe_force.any():
-                more["F_shoe"] = car.shoe_force
-            columns = [motion.t, car.s, *car.point.T, *w.T, car.tension_behind, car.tension_ahead]
-            columns += [speed, car.haul_force, car.contact_force, *more.values()]
-            write_csv(folder / f"path-{car.name}.csv", ",".join([PATH, *more]), np.stack(columns, axis=1))
+                columns["F_shoe"] = car.shoe_force
+            write_csv(folder / f"path-{car.name}.csv", columns)
 
     def _write_contacts(self, folder: Path) -> None:
-        header = ["t"]
-        values = [self.t]
+        columns = {"t": self.t}
         for x in self.contacts:
-            header += [f"{x.name}.{name}" for name in ("s", "tension", "pressure", "rise")]
-            values += [x.s, motion_laws.tension_behind_or_ahead(x), np.hypot(*x.pressure.T), x.rise]
-        write_csv(folder / "contacts.csv", ",".join(header), np.stack(values, axis=1))
+            tension = motion_laws.tension_behind_or_ahead(x)
+            of_contact = {"s": x.s, "tension": tension, "pressure": np.hypot(*x.pressure.T), "rise": x.rise}
+            columns |= {f"{x.name}.{name}": values for name, values in of_contact.items()}
+        write_csv(folder / "contacts.csv", columns)
 
     def _write_profile(self, folder: Path) -> None:
         """Write profile.csv: over x the empty rope, and the extremes of depth over all time."""
         x = np.linspace(0.0, self.line.contact[-1].at[0], STATIONS)
         depths = rope_depths(motion_laws.rope_chain(self.motion).points, x)  # (n, STATIONS)
         rest = catenary_line.depth_and_tension(self.empty, x)[0]
-        profile = np.stack([x, rest, depths.min(axis=0), depths.max(axis=0)], axis=1)
-        write_csv(folder / "profile.csv", "x,y_rest,y_highest,y_lowest", profile)
+        columns = {"x": x, "y_rest": rest, "y_highest": depths.min(axis=0), "y_lowest": depths.max(axis=0)}
+        write_csv(folder / "profile.csv", columns)
 
     def _write_rope(self, folder: Path) -> None:
         """Write rope.csv: points and tension of every second station in some frames."""
@@ -562,14 +560,11 @@ class MotionAnswers(LineAnswers):
         count = 101  # frames, at most
         times = np.linspace(motion.t[0], motion.t[-1], count)
         frames = np.unique(np.searchsorted(motion.t, times))
-        shown = slice(None, None, 2)  # stations
-        s = motion.s[shown]
-        shape = frames.size, s.size, 1
-        columns = [
-            np.broadcast_to(motion.t[frames, None, None], shape), np.broadcast_to(s[:, None], shape),
-            motion.points[frames, shown], motion.tension[frames, shown, None],
-        ]  # fmt: skip
-        write_csv(folder / "rope.csv", "t,s,x,y,T", np.concatenate(columns, axis=2).reshape(-1, 5))
+        s = motion.s[::2]
+        x, y = np.moveaxis(motion.points[frames, ::2], 2, 0)  # (frames, stations)
+        columns = {"t": np.repeat(motion.t[frames], s.size), "s": np.tile(s, frames.size), "x": x.ravel()}
+        columns |= {"y": y.ravel(), "T": motion.tension[frames, ::2].ravel()}
+        write_csv(folder / "rope.csv", columns)
 
     def comparison_in_words(self, row: Agreement) -> str:
         """What a row compares."""

@@ -221,8 +221,7 @@ def _check_row(scene: Scene, tol: float, second_scene: Scene | None) -> Row:
 
     result = check(scene, tol=tol, until=_end_of_run(scene), second=second_scene)
     best = min((result.a, result.b), key=path_error)
-    verdict = {"verdict": result.verdict.value, "not_agreed": _not_agreed_text(result)}
-    return _response_columns(best.finest, scene) | verdict
+    return _response_columns(best.finest, scene) | _verdict_columns(result)
 
 
 def _line_check_row(line: Line, tol: float, second_line: Line | None) -> Row:
@@ -230,15 +229,18 @@ def _line_check_row(line: Line, tol: float, second_line: Line | None) -> Row:
     from validation.commands.check.motion import check_line
 
     result: Any = check_line(line, tol, second=second_line)
-    verdict = {"verdict": result.verdict.value, "not_agreed": _not_agreed_text(result)}
-    return verdict | {"status": result.status, "reason": result.moved.reason, "method": result.moved.method}
+    return _verdict_columns(result) | {
+        "status": result.status,
+        "reason": result.moved.reason,
+        "method": result.moved.method,
+    }
 
 
-def _not_agreed_text(result: Any) -> str | None:
-    """The quantities that decide and do not agree."""
+def _verdict_columns(result: Any) -> Row:
+    """The verdict of a check, and the quantities that decide and do not agree."""
     agree = type(result.verdict).AGREE
     differ = dict.fromkeys(row.quantity for row in result.rows if row.decides and row.verdict is not agree)
-    return ", ".join(differ) or None
+    return {"verdict": result.verdict.value, "not_agreed": ", ".join(differ) or None}
 
 
 def _advice_row(scene: Scene, tol: float) -> Row:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -34,9 +35,10 @@ def file_faults(stored: StoredResults) -> Faults:
                     yield f"{file}: {fault}"
 
 
-def _csv_faults(file: Path, expected: dict[str, Array]) -> Faults:
+def _csv_faults(columns_of_run: Callable[[Run], dict[str, Array]], file: Path, run: Run) -> Faults:
     """Faults of the columns of a CSV."""
     columns = read_csv_columns(file)
+    expected = columns_of_run(run)
     for name in columns.keys() ^ expected.keys():
         yield f"column {name} has no second computation or is not there"
     for name in columns.keys() & expected.keys():
@@ -55,10 +57,6 @@ def series_faults(name: str, written: Array, expected: Array, rounding: float, s
         yield f"{name} is not what was computed: off by {off:.3g} of {scale:.3g}"
 
 
-def _path_csv_faults(file: Path, run: Run) -> Faults:
-    yield from _csv_faults(file, path_csv_columns(run))
-
-
 def path_csv_columns(run: Run) -> dict[str, Array]:
     """Columns of path.csv from the stored arrays (n,)."""
     stored = ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "F_haul")
@@ -71,21 +69,20 @@ def path_csv_columns(run: Run) -> dict[str, Array]:
     return path
 
 
-def _tension_csv_faults(file: Path, run: Run) -> Faults:
-    """Rows of each frame: all stations, then the car's two sides."""
+def _tension_csv_columns(run: Run) -> dict[str, Array]:
+    """Columns of tension.csv, rows of each frame: all stations, then the car's two sides."""
     frames, stations = run["fields.T"].shape
     s = np.tile(run["fields.s"], (frames, 1))
     s_o = run["fields.s_o"]
     T = [run["fields.T"], run["fields.T_behind"], run["fields.T_ahead"]]
-    columns = {
+    return {
         "t": np.repeat(run["fields.t"], stations + 2),
         "s": np.column_stack([s, s_o, s_o]).ravel(),
         "T": np.column_stack(T).ravel(),
     }
-    yield from _csv_faults(file, columns)
 
 
-def _profile_csv_faults(file: Path, run: Run) -> Faults:
+def _profile_csv_columns(run: Run) -> dict[str, Array]:
     """Envelopes of depth and tension over x: from all valid frames, and of the car's path between them."""
     until = time_of_slack_or_slow_waves(run)
     x_rest = run["fields.x"]
@@ -105,7 +102,7 @@ def _profile_csv_faults(file: Path, run: Run) -> Faults:
         tensions.append(np.interp(x, x_rope, T))
     valid = run["t"] <= until
     depth_of_path = max_depth_at(x, run["x"][valid], run["y"][valid])
-    columns = {
+    return {
         "x": x,
         "y_rest": depths[0],
         "y_highest": np.min(depths, axis=0),
@@ -113,7 +110,6 @@ def _profile_csv_faults(file: Path, run: Run) -> Faults:
         "tension_max": np.max(tensions, axis=0),
         "tension_min": np.min(tensions, axis=0),
     }
-    yield from _csv_faults(file, columns)
 
 
 def time_of_slack_or_slow_waves(run: Run) -> float:
@@ -224,9 +220,9 @@ def _summary_json_faults(file: Path, run: Run) -> Faults:
 # keys of summary.json that are not stored as they are: this reader and `recomputed` compute them a second time
 COMPUTED = {"reached", "max_deflection", "path_scale", "outcome", "outcome_kind", "flag_kinds", "limits"}
 FILES: dict[str, Callable[[Path, Run], Faults] | None] = {
-    "path.csv": _path_csv_faults,
-    "tension.csv": _tension_csv_faults,
-    "profile.csv": _profile_csv_faults,
+    "path.csv": partial(_csv_faults, path_csv_columns),
+    "tension.csv": partial(_csv_faults, _tension_csv_columns),
+    "profile.csv": partial(_csv_faults, _profile_csv_columns),
     "response.xdmf": _rope_animation_faults,
     "mass.xdmf": _mass_animation_faults,
     "summary.json": _summary_json_faults,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -183,12 +184,8 @@ def _setting_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
         yield f"{name} = {text} where {values} is stored"
 
 
-def _shows_rope_length(text: str, run: Run) -> bool:
-    return shows_value(text.partition(", ")[0], run["rest"]["length"], "m", digits=6)
-
-
-def _shows_horizontal_tension(text: str, run: Run) -> bool:
-    return shows_value(text.partition(", ")[0], run["rest"]["horizontal_tension"], "N", digits=4)
+def _shows_stored_number(name: str, unit: str, digits: int, text: str, run: Run) -> bool:
+    return shows_value(text.partition(", ")[0], run["rest"][name], unit, digits=digits)
 
 
 def _shows_sag_at_rest(text: str, run: Run) -> bool:
@@ -223,8 +220,8 @@ def _time_of_lift_off_or_slack(run: Run) -> float:
 
 
 FACTS: dict[str, Callable[[str, Run], bool]] = {  # that follow from the scene
-    "rope between the supports": _shows_rope_length,
-    "horizontal tension at rest": _shows_horizontal_tension,
+    "rope between the supports": partial(_shows_stored_number, "length", "m", 6),
+    "horizontal tension at rest": partial(_shows_stored_number, "horizontal_tension", "N", 4),
     "sag at rest": _shows_sag_at_rest,
     "top speed over that of waves across the rope": _shows_top_speed_over_waves,
 }
