@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from cablefem.response import Response
+from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.measures import NotComparable
 from validation.core.order import error_bar
 from validation.core.view import View
@@ -119,6 +120,17 @@ class Ladder(Generic[Run]):
         if not (self.space.runs and self.time.runs):
             return math.inf
         return 0.0 if len({functional(r) for r in self.runs}) == 1 else math.inf
+
+
+def row_with_error_bars(
+    quantity: str, gap: float, ladders: Sequence[Ladder], parts: Sequence[tuple[float, float]], required: float,
+    basis: str = "coarser runs",
+) -> Agreement:  # fmt: skip
+    """The row of a gap of two ladders;  parts : of both bars, in space and time;  basis : how these came about."""
+    bars = []
+    for ladder, in_space_and_time in zip(ladders, parts, strict=True):
+        bars.append(BoundPart(ladder.finest.method, max(ROUNDING, sum(in_space_and_time)), basis))
+    return Agreement(quantity, gap, Bound("error bars", tuple(bars)), required=required, parts=tuple(parts))
 
 
 @dataclass(frozen=True, slots=True)

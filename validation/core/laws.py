@@ -355,8 +355,7 @@ def drive_and_event_defect(evidence: Evidence) -> Defect:
     """Start, brakes, arrival and thrust are those of the TOML; over length, time, top speed, thrust."""
     r = evidence.r
     l = r.fields.s[-1]
-    start = evidence.timetable.start_position
-    off = [(r.s_o[0] - start) / l, *_event_gaps(evidence, start)]
+    off = [(r.s_o[0] - evidence.timetable.start_position) / l, *_event_gaps(evidence)]
     times, forces = thrust_times_and_forces(evidence.data.drive)
     if r.drive == "free" and forces.any():
         smooth = np.abs(r.t[:, None] - times).min(axis=1) > 1e-6 * r.t[-1]
@@ -365,15 +364,16 @@ def drive_and_event_defect(evidence: Evidence) -> Defect:
     return _defect_without_position(float(np.abs(off).max()))
 
 
-def _event_gaps(evidence: Evidence, start: float) -> list[float]:
+def _event_gaps(evidence: Evidence) -> list[float]:
     """Gaps of events in position and speed to the run, and to the TOML; over length, top speed and duration."""
     r = evidence.r
     drive = evidence.data.drive
+    table = evidence.timetable
     l = r.fields.s[-1]
     thrust_times, _ = thrust_times_and_forces(drive)
     times = {"release": drive.get("release", 0.0), "thrust_end": float(thrust_times[-1])}
     # [m] one of which is that of the event
-    positions = {"arrival": [evidence.timetable.arrival_position], "back": [0.5 * min(start, 0.01 * l)]}
+    positions = {"arrival": [table.arrival_position], "back": [0.5 * min(table.start_position, 0.01 * l)]}
     positions["brake"] = [brake["from"] for brake in drive.get("brake", [])]
     gaps = []
     for event in r.events:

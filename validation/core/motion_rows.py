@@ -22,7 +22,7 @@ from cablefem.scene.bodies import Wheels
 from cablefem.scene.line import Line, LineRope
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.clearances import heights_along_path, min_rope_heights, obstacle_and_ground_profiles
-from validation.core.ladder import Ladder, max_distance
+from validation.core.ladder import Ladder, max_distance, row_with_error_bars
 from validation.core.motion_laws import every_nth_step, relative_energy_defect, rope_chain, tension_behind_or_ahead
 from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel
 
@@ -31,7 +31,6 @@ FIELDS = 0.05  # smallest tolerance of fields along the rope, and of laws
 
 Series = Callable[[Any], Array]
 LineLadder = Ladder["LineRun"]
-Parts = Sequence[tuple[float, float]]  # of two bars, in space and time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,16 +207,9 @@ class LineComparison:
         gap = distances(values_at_instants(a), values_at_instants(self.b.finest))
         # of the largest change, as a path's: at single instants a phase that shifts hides the order
         parts = [ladder.bars_in_space_and_time(values_at_instants, gap_size) for ladder in (self.a, self.b)]
-        row = self._row_with_bars(quantity, size(gap), parts, norm.required)
+        row = row_with_error_bars(quantity, size(gap), (self.a, self.b), parts, norm.required, basis="")
         when = a.instants_until(self.end)[int(np.argmax(gap))]
         return replace(row, law=law, where=None if rms else f"t = {when:.4g} s")
-
-    def _row_with_bars(self, quantity: str, gap: float, parts: Parts, required: float) -> Agreement:
-        """parts : of both ladders' bars, in space and time."""
-        bars = []
-        for ladder, in_space_and_time in zip((self.a, self.b), parts, strict=True):
-            bars.append(BoundPart(ladder.finest.method, sum(in_space_and_time)))
-        return Agreement(quantity, gap, Bound("error bars", tuple(bars)), required=required, parts=tuple(parts))
 
     def _car_rows(self, car: CarMotion) -> Iterator[Agreement]:
         name = car.name
@@ -287,7 +279,7 @@ class LineComparison:
 
         gap = rms(values_at_instants(self.a.finest), values_at_instants(self.b.finest))
         parts = [ladder.bars_in_space_and_time(values_at_instants, rms) for ladder in (self.a, self.b)]
-        return self._row_with_bars(quantity, gap, parts, self.tolerance.fields)
+        return row_with_error_bars(quantity, gap, (self.a, self.b), parts, self.tolerance.fields, basis="")
 
     def _energy_balance_rows(self) -> Iterator[Agreement]:
         """Of each method: energy less the work of its powers stays as it is."""
@@ -307,7 +299,8 @@ class LineComparison:
             gap = max_distance(event_times(a), event_times(b)) / self.end
             if a.events and not any(bars):
                 bars = [ladder.bar(lambda moved: event_times(moved) / self.end) for ladder in ladders]
-        yield self._row_with_bars("events", gap, [(bar, 0.0) for bar in bars], self.tolerance.path)
+        parts = [(bar, 0.0) for bar in bars]
+        yield row_with_error_bars("events", gap, ladders, parts, self.tolerance.path, basis="")
 
 
 def event_names(moved: LineRun) -> tuple[str, ...]:

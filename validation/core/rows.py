@@ -23,7 +23,6 @@ from validation.core.agreement import (
     no_bound,
 )
 from validation.core.ladder import (
-    ROUNDING,
     Distance,
     Functional,
     Goal,
@@ -31,6 +30,7 @@ from validation.core.ladder import (
     bars_of_at_least_gap,
     identity,
     max_distance,
+    row_with_error_bars,
 )
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
@@ -43,7 +43,6 @@ Gap = Callable[[Response, Response, View], float]
 Series = Callable[[Response], Array]
 Tolerance = Callable[[str], float]
 Event = dict[str, Any]
-Parts = Sequence[tuple[float, float]]  # of two bars, in space and time
 
 AXIAL_MEAN = "mean over an axial round trip"
 ALONG = "along the cable"
@@ -265,16 +264,7 @@ def _functional_row(
     """The distance of a functional of both runs, with its bars;  order : the most credited."""
     gap = distance(functional(b.finest), functional(a.finest))
     parts = [ladder.bars_in_space_and_time(functional, distance, order) for ladder in (a, b)]
-    return _row_with_bars(name, gap, a, b, parts, required)
-
-
-def _row_with_bars(name: str, gap: float, a: Ladder, b: Ladder, parts: Parts, required: float) -> Agreement:
-    """parts : of both ladders' bars, in space and time."""
-    bars = []
-    for ladder, in_space_and_time in zip((a, b), parts, strict=True):
-        bar = max(ROUNDING, sum(in_space_and_time))
-        bars.append(BoundPart(ladder.finest.method, bar, "coarser runs"))
-    return Agreement(name, gap, Bound("error bars", tuple(bars)), required=required, parts=tuple(parts))
+    return row_with_error_bars(name, gap, (a, b), parts, required)
 
 
 def missing_independence_rows(a: Response, b: Response) -> Iterator[Agreement]:
@@ -338,7 +328,7 @@ def _unpaired_event_row(event: str, a: Ladder, b: Ladder, required: float) -> Ag
         return find_event(event, r.events) is not None
 
     parts = [(ladder.yes_no_bar(has_event), 0.0) for ladder in (a, b)]
-    return replace(_row_with_bars("events", 1.0, a, b, parts, required), law=event)
+    return replace(row_with_error_bars("events", 1.0, (a, b), parts, required), law=event)
 
 
 def _event_scales(r: Response) -> dict[str, tuple[str, float]]:
@@ -423,7 +413,7 @@ def _incomplete_range_rows(a: Ladder, b: Ladder, view: View, full: View, require
         missing = max(0.0, 1.0 - view.until / longest)
     if missing > 1e-6:
         unknown = [(math.inf, 0.0)] * 2
-        yield replace(_row_with_bars("range", missing, a, b, unknown, required), where=view.window[1])
+        yield replace(row_with_error_bars("range", missing, (a, b), unknown, required), where=view.window[1])
 
 
 def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> Iterator[Agreement]:
@@ -446,7 +436,7 @@ def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> 
     within = int(np.count_nonzero(np.maximum.accumulate(allowed) <= required))
     worst = int(np.argmax((gaps / allowed)[: max(1, within)]))
     parts = [(float(bar[worst]), 0.0) for bar in (bar_a, bar_b)]
-    row = _row_with_bars("path_slack", float(gaps[worst]), a, b, parts, required)
+    row = row_with_error_bars("path_slack", float(gaps[worst]), (a, b), parts, required)
     yield replace(row, decides=False, where=float(positions[worst]))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from cablefem.response import Array
-from cablefem.scene.line import Car, Contact, Line
+from cablefem.scene.line import Contact, Line
 from validation.core import store
 from validation.core.limits import limit_scope_sentences
 from validation.core.quantities import factor_and_prefixed_unit, limit_row_texts
@@ -214,26 +214,17 @@ def series_figure(series: SeriesByName, unit: str, x: Array, xlabel: str, title:
 def _side_view_figure(line: Line, ropes: Row, positions: Sequence[Row]) -> Markup:
     """Rope at rest and at all positions, cars, supports, ground and obstacles from the side."""
     profile = {name: np.array(values) for name, values in ropes["profile"].items()}
-    cars = [_CarAtPositions(car, positions) for car in line.car]
-    p, caption = _side_view_without_cars(line, profile, [car.lowest for car in cars])
+    lowest_of_cars = [_column_of_floats(positions, f"depth:{car.name}") + car.below for car in line.car]
+    p, caption = _side_view_without_cars(line, profile, lowest_of_cars)
     for depth in ropes["depths"].values():
         p.add_curve(profile["x"], np.array(depth), plot.BLUE, "", 1.0, "rope at some positions; shaded: at all")
-    for car, color in zip(cars, plot.COLORS[1:] * len(cars), strict=False):
-        p.add_curve(car.x, car.lowest, color, plot.DASHED, 1.8, f"lowest point of {car.name}")
-        if car.x.size == 1:
-            p.dots.append((float(car.x[0]), float(car.depth[0]), color, True))
+    for car, lowest, color in zip(line.car, lowest_of_cars, plot.COLORS[1:] * len(line.car), strict=False):
+        x = _column_of_floats(positions, f"x:{car.name}")
+        p.add_curve(x, lowest, color, plot.DASHED, 1.8, f"lowest point of {car.name}")
+        if x.size == 1:
+            p.dots.append((float(x[0]), float(lowest[0]) - car.below, color, True))
     end, _ = line.contact[-1].at
     return plot.svg_figure([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
-
-
-class _CarAtPositions:
-    """A car at all positions: x, depth on the rope and depth of its lowest point, (positions,) [m]."""
-
-    def __init__(self, car: Car, positions: Sequence[Row]) -> None:
-        self.name = car.name
-        self.x = _column_of_floats(positions, f"x:{self.name}")
-        self.depth = _column_of_floats(positions, f"depth:{self.name}")
-        self.lowest = self.depth + car.below
 
 
 def _figures_over_position(car: str, positions: Sequence[Row]) -> Iterator[Markup]:

@@ -363,7 +363,7 @@ class _SeriesTimer:
             begin = time.process_time()
             r = refine_to_tolerance(self.scene, method, settings["tol"], until=stop).finest
             seconds = time.process_time() - begin
-            results = {"bar": r.path_error, "chosen": METHODS[method].resolution_and_steps(r.settings)}
+            results = _bar_and_chosen_settings(r)
         else:
             r = run(self.scene, method, model=self.series.model, until=stop, **settings)
             seconds = r.seconds
@@ -408,9 +408,11 @@ class _SeriesTimer:
             except FileNotFoundError:
                 raise ValueError("the command wrote no response") from None
         results = self.reference.status_and_errors_of_response(r)
-        results |= {"bar": r.path_error, "chosen": METHODS[method].resolution_and_steps(r.settings)}
-        results["reached"] = r.reached
-        return results, seconds
+        return results | _bar_and_chosen_settings(r) | {"reached": r.reached}, seconds
+
+
+def _bar_and_chosen_settings(r: Response) -> Row:
+    return {"bar": r.path_error, "chosen": METHODS[r.method].resolution_and_steps(r.settings)}
 
 
 def _missing_full_program_rows(peer: str, rows: list[Row]) -> list[Row]:
