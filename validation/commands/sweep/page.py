@@ -114,8 +114,7 @@ def _draw_outcomes(rows: DataFrame, axes: list[str], log_axes: set[str]) -> Mark
     """Draw what becomes of the car over the first two axes, a colour for each kind."""
     x = axes[0]
     y = axes[1] if len(axes) > 1 else "speed_max"
-    fig, grid = figure_with_axes(1, 1, height=2.9, squeeze=False)
-    ax = grid[0][0]
+    fig, ax = figure_with_axes()
     for i, kind in enumerate(rows["outcome_kind"].value_counts().index):
         part = rows[rows["outcome_kind"] == kind]
         marker = "o" if i < len(COLORS) else "s"
