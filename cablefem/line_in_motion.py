@@ -31,7 +31,7 @@ class LineInMotion(MarchingSystem):
 
     line: MovingLine
     coordinates_from_unknowns: Callable[..., Any]  # all coordinates with their rates in states t, q, v, a, phase
-    reached: Any  # s of cars where their brakes were set, by number
+    reached: Any  # s up to which the brakes of free cars act, by number
     held_since: Any  # [s] when friction last stopped free cars
 
     def watch(self, cars: Mapping[int, Car]) -> None:
@@ -42,10 +42,11 @@ class LineInMotion(MarchingSystem):
         self.gaps = [k for k, neighbours in enumerate(pairwise(touching)) if self._may_meet(*neighbours)]
         free = {i: car for i, car in cars.items() if car.drive_kind == "free"}
         self.stops = [i for i, car in free.items() if car.drive.has_friction_or_brakes]
-        self.brake_positions = [(i, position) for i in self.stops for position, _ in free[i].drive.brakes]
+        self.braked = [i for i in self.stops if free[i].drive.brakes]
         names = [meeting_event_name(touching[k], touching[k + 1]) for k in self.gaps]
         names += [f"{cars[i].name} stops" for i in self.stops]
-        names += [f"{cars[i].name} brakes" for i, _ in self.brake_positions]
+        for i in self.braked:
+            names += [f"{cars[i].name} brakes", f"{cars[i].name} leaves a brake"]
         names += [lift_off_event_name(contact) for contact in touching if not isinstance(contact, Contact)]
         names += ["rope falls slack"]
         names += [f"rope lifts off {support.name}" for support in self.line.supports[1:-1]]
@@ -64,7 +65,7 @@ class LineInMotion(MarchingSystem):
         raise NotImplementedError
 
     def set_friction(self, i: int, s: float, sign: float) -> None:
-        """Set friction and brakes of a free car at s against a slip of this sign."""
+        """Set friction of a free car, and the brakes that begin up to s, against a slip of this sign."""
         raise NotImplementedError
 
     def travel_unknown(self, i: int) -> int:
@@ -101,9 +102,10 @@ class LineInMotion(MarchingSystem):
         values = [*np.moveaxis(gaps, -1, 0)]
         for i in self.stops:
             values.append(np.where(self.sticks(i), np.inf, v[..., self.travel_unknown(i)] * self.slip_sign(i)))
-        for i, position in self.brake_positions:
-            ahead = position > self.reached[i]
-            values.append(np.where(ahead, position - q[..., self.travel_unknown(i)], np.inf))
+        for i in self.braked:
+            behind, ahead = self._brakes_around(i)
+            position = q[..., self.travel_unknown(i)]
+            values += [ahead - position, position - behind]
         values += [np.where(in_order, x, np.inf) for x in (*forces, self.time_at_rest(phase) - t)]
         for passage in self.passages:
             x, dx = self.car_points_and_rates(passage.car, t, coordinates, phase)[:2, ..., 0]
@@ -121,20 +123,15 @@ class LineInMotion(MarchingSystem):
         return [self.travel_unknown(i) for i in self.stops if self.sticks(i)]
 
     def begin_step(self, x: State) -> None:
-        """Keep the direction of friction, and the brakes that act, for one step."""
+        """Keep the direction of friction for one step."""
         for i in self.stops:
-            row = self.travel_unknown(i)
-            ds = x.v.item(row)
+            ds = x.v.item(self.travel_unknown(i))
             sign = math.copysign(1.0, ds) if abs(ds) > TURNING else self.slip_sign(i)
-            self.set_friction(i, x.q.item(row), sign)
+            self.set_friction(i, self.reached[i], sign)
 
-    def count_ends_before_change(self, q: Array) -> int:
-        """Up to the first one from which other brakes act."""
-        others = np.zeros(len(q), bool)
-        for i in self.stops:
-            brake_force = self.car_by_number[i].drive.brake_force
-            others |= brake_force(q[:, self.travel_unknown(i)]) != brake_force(self.reached[i])
-        return int(np.argmax(others)) + 1 if others.any() else len(q)
+    def _brakes_around(self, i: int) -> tuple[float, float]:
+        """Where the last brake that acts on a car begins, and the next one; infinite where there is none."""
+        return self.car_by_number[i].drive.brakes_around(self.reached[i])
 
     def time_at_rest(self, phase: int) -> float:
         """When all free cars, which friction holds, are at rest; inf where it does not hold them, or there are none."""
@@ -157,7 +154,7 @@ class LineInMotion(MarchingSystem):
     def _state_with_slip(self, i: int, x: State, sign: float) -> State:
         """Set friction against a slip of this sign, for 0 the car sticks; return the state with the car at rest."""
         row = self.travel_unknown(i)
-        self.set_friction(i, x.q.item(row), sign)
+        self.set_friction(i, self.reached[i], sign)
         v = x.v.copy()
         a = x.a.copy()
         v[row] = sign * 1e-12  # [m/s] not 0, else its next standstill is no event
@@ -165,15 +162,19 @@ class LineInMotion(MarchingSystem):
         return self.with_acceleration(x._replace(v=v, a=a))
 
     def apply_event(self, name: str, x: State) -> State | None:
-        """The state after a car stops, breaks loose or reaches a brake; None: other events end the run."""
+        """The state after a car stops, breaks loose, reaches or leaves a brake; None: other events end the run."""
         for i in self.stops:
             car = self.car_by_number[i].name
             if name == f"{car} stops":
                 return self._stop_or_slip_on(i, x)
             if name == f"{car} breaks loose":
                 return self._start_slipping(i, x)
+            behind, ahead = self._brakes_around(i)
             if name == f"{car} brakes":
-                self.begin_step(x)
+                self.set_friction(i, ahead, self.slip_sign(i))
+                return self.with_acceleration(x)
+            if name == f"{car} leaves a brake":
+                self.set_friction(i, math.nextafter(behind, -math.inf), self.slip_sign(i))
                 return self.with_acceleration(x)
         return None
 

@@ -76,6 +76,7 @@ def _carry_friction(old: LineSines, new: LineSines) -> None:
         new.frictions[k] = old.frictions[j]
         new.holds[k] = old.holds[j]
         new.held_since[k] = old.held_since[j]
+        new.reached[k] = old.reached[j]
 
 
 def _cabin_angle_indices(system: LineSines) -> dict[str, int]:

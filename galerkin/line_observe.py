@@ -131,7 +131,7 @@ def _car_powers(system: LineSines, k: int, states: Sequence[State], s: Array, at
         return powers
     times = np.array([state.t for state in states])
     before_jump = np.append(times[1:] <= times[:-1], False)
-    reached = s - 1e-9 * before_jump  # of two states at a brake the first is short of it
+    reached = s - 1e-9 * np.sign(x.ds) * before_jump  # of two states at a brake the first is before it
     rolling = drive.mu_r if body.car.rail is None else 0.0  # a shoe has no friction
     resisting = rolling * np.abs(body.normal_wheel_loads(at)) + body.brake_forces_of_wheels(reached)
     power = np.zeros(s.size)

@@ -58,7 +58,7 @@ class LineSines(LineInMotion):
         self.force_scale = max((line.gravity * car.mass for car in line.cars_on_rope), default=weight_of_rope)
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA
         self.frictions = np.zeros((len(bodies), len(Friction._fields)))
-        self.reached = np.zeros(len(bodies))  # s of the cars where their brakes were set
+        self.reached = np.zeros(len(bodies))  # [m] s up to which the brakes of free cars act
         self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
         self.held_since = dict.fromkeys(self.free_cars, 0.0)  # [s] when friction stopped them last
         self.watch({k: body.car for k, body in self.cars.items()})

@@ -71,7 +71,7 @@ class LineBalance(LineCoordinates):
         self._steady_cars: CarLoadsAndMasses | None = None  # those of cars that do not change
         self.signs = np.array([line.travel_direction(c, 0) if c.travel else 1.0 for c in line.cars_on_rope])
         self.brakes = np.zeros(len(line.cars_on_rope))  # [N] that act on free cars
-        self.reached = np.zeros(len(line.cars_on_rope))  # [m] s of free cars for which brakes were set last
+        self.reached = np.zeros(len(line.cars_on_rope))  # [m] s up to which the brakes of free cars act
         self.held_since = np.zeros(len(line.cars_on_rope))  # [s] when friction last stopped free cars
         self.rear_brakes = np.zeros(len(line.cars_on_rope))  # [N] of them at the rear one of two wheels
         self.hold = np.zeros(len(line.cars_on_rope))  # [N] f that holds free cars at the start

@@ -423,7 +423,7 @@ def _car_loads_over_time(x: _History) -> CarLoadsAndMasses:
         thrust[of] = data.thrust
         hold[of] = data.hold
     before_jump = np.append(np.diff(x.t) <= 0.0, False)
-    s = x.q[:, slots] - 1e-9 * before_jump[:, None]  # of two states at a brake the first is short of it
+    s = x.q[:, slots] - 1e-9 * np.sign(ds) * before_jump[:, None]  # of two states at a brake the first is before it
     brake = np.zeros_like(s)
     rear_brake = np.zeros_like(s)
     for i, car in enumerate(system.line.cars_on_rope):

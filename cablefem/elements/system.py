@@ -32,7 +32,8 @@ class LineElements(LineInMotion, LineBalance):
     compiled : loops of `segment_kernels` in the place of numpy.
     Events end the run: "A meets B" and "CAR reaches SUPPORT" at NEAREST; "CAR lifts off" where the rope would have to
     hold it down; "rope falls slack" and "rope lifts off SADDLE"; AT_REST.
-    The run goes on after "CAR brakes" and "CAR stops", where friction may hold it until "CAR breaks loose".
+    The run goes on after "CAR brakes", "CAR leaves a brake" where it rolls back, and "CAR stops", where friction may
+    hold it until "CAR breaks loose".
     """
 
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
@@ -123,7 +124,7 @@ class LineElements(LineInMotion, LineBalance):
         self._set_brakes(i, s)
 
     def _set_brakes(self, i: int, s: float) -> None:
-        """Set the brakes of car i at s."""
+        """Let the brakes that begin up to s act on car i."""
         self.reached[i] = s
         drive = self.line.cars_on_rope[i].drive
         self.brakes[i] = drive.brake_force(s)

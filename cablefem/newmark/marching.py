@@ -41,7 +41,7 @@ class StepsWithFactors(NamedTuple):
 
 
 class MarchingSystem(System):
-    """A subclass defines the next three, and what `System` asks for."""
+    """A subclass defines the next two, and what `System` asks for."""
 
     reuses_factors = True
 
@@ -55,10 +55,6 @@ class MarchingSystem(System):
         node_times : (k, s)
         """
         raise NotImplementedError
-
-    def count_ends_before_change(self, q: Array) -> int:
-        """How many of the ends of steps (n, n_dof) come up to the first one that `begin_step` changes the system at."""
-        return len(q)
 
     def event_values_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
         """`event_values` (..., events) at t (...); the others (..., n_dof)."""
@@ -101,10 +97,6 @@ class MarchingSystem(System):
             self.factors = factors
         if taken == 0:
             return []
-        unchanged = self.count_ends_before_change(steps.ends[1 : taken + 1, 0])
-        if unchanged < taken:
-            taken = unchanged
-            steps.a[taken] = steps.extrapolation[taken] @ steps.a[taken - 1]
         q, v = steps.ends[1 : taken + 1].swapaxes(0, 1)
         t = steps.t[1 : taken + 1]
         a = steps.a[:taken, -1]
