@@ -158,6 +158,21 @@ def test_the_outcome_says_where_a_rider_stays_and_is_read_back(line, ladders, tm
     assert len(list(line_outcome_faults(tmp_path))) == 1
 
 
+@pytest.mark.parametrize("stop", [None, 21.3])
+def test_a_run_that_ends_before_its_cars_are_at_rest_is_seen(line, ladders, tmp_path, stop):
+    """Of the rider ahead, who stops half a second before the end, no stop is written, or one just before the end."""
+    motion_answers(line, *ladders).write(tmp_path, 0.0)
+    file = tmp_path / "summary.json"
+    summary = json.loads(file.read_text())
+    *events, last = summary["events"]
+    assert last["event"] == "ahead stops"
+    if stop is not None:
+        events.append(last | {"t": stop})
+    file.write_text(json.dumps(summary | {"events": events}))
+    early = [fault for fault in line_outcome_faults(tmp_path) if "of 30 s, and ahead is not at rest by then" in fault]
+    assert len(early) == 1
+
+
 def test_a_rattle_of_a_car_that_stays_is_no_event():
     """Of what happens within a centimeter the first stop counts, and the last breaking loose of a car that leaves."""
     drive = SimpleNamespace(rest_distance=0.01)

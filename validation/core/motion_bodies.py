@@ -190,9 +190,9 @@ class CarBody:
         drive = self.data.get("drive", {})
         front = self.touching[-1]
         direction = self._direction_of_travel()
-        twice = np.diff(self.t) <= 0.0  # where a time stands twice a brake acts from the second on
+        twice = np.diff(self.t) <= 0.0  # where a time stands twice a brake begins or ends to act between both
         shift = np.append(0.0, twice) - np.append(twice, 0.0)
-        s = sampled(car.s) + 1e-9 * shift
+        s = sampled(car.s) + 1e-9 * shift * np.sign(sampled(car.ds))
         for x, wheel in zip(self.touching[::-1], ("front", "rear"), strict=False):
             brake = self._braking_force(wheel, s)
             off_shoe = x.load_taken_by_shoe == 0.0  # a shoe has no friction

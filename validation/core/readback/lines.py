@@ -111,6 +111,7 @@ def line_outcome_faults(folder: Path) -> Faults:
     parts = list(_expected_numbers_of_outcome(design["tension_max"], hit))
     if summary["status"] == "complete":
         parts += _expected_end_sentences(paths, scene, summary["events"])
+        yield from _early_end_faults(paths, scene, summary)
     for part in parts:
         if part not in summary["outcome"]:
             yield f"outcome: {summary['outcome']!r} does not say {part!r}"
@@ -148,6 +149,21 @@ def _expected_end_kind(paths: Paths, scene: Row, events: Sequence[Row]) -> str:
     if any(_lasting_stop_time(paths[name], stops[name], drive) is None for name, drive in free.items()):
         return "rolling"
     return _kind_of_stop(scene, paths) if of_one_ride else "ends"
+
+
+def _early_end_faults(paths: Paths, scene: Row, summary: Row) -> Faults:
+    """Free cars that were not at rest for an axial round trip in a run that ends before its time without an event."""
+    free = {car["name"]: car["drive"] for car in scene["car"] if car.get("drive", {}).get("mode") == "free"}
+    t = max(path["t"][-1] for path in paths.values())
+    latest = max((drive["end"]["time"] for drive in free.values()), default=0.0)
+    if _event_at_end(paths, summary["events"]) or t >= latest * (1.0 - 1e-9):
+        return
+    for name, drive in free.items():
+        stops = [x["t"] for x in summary["events"] if x["event"] == f"{name} stops"]
+        stop = _lasting_stop_time(paths[name], stops, drive)
+        chords_in_rope = 0.9  # at least: the run takes the one for the other under a counterweight
+        if stop is None or t - stop < chords_in_rope * summary["round_trip"]:
+            yield f"outcome: the run ends after {t:.4g} s of {latest:.4g} s, and {name} is not at rest by then"
 
 
 def _kind_of_stop(scene: Row, paths: Paths) -> str:
