@@ -6,7 +6,7 @@ distance of two ways.  Seven digits of the largest deflection.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,7 @@ from scipy.ndimage import maximum_filter1d
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core.ladder import Ladder
-from validation.core.measures import SLACK_END
-from validation.core.view import View
+from validation.core.refine import RunsOfMethod
 
 NEARBY = 5  # places on either side whose gaps count, as a gap may cross zero
 PLACES = np.arange(101) / 100.0  # s_o/l
@@ -78,10 +77,11 @@ class Path101:
         return float(PLACES[np.isfinite(self.track.t)][-1])
 
 
-def view_to_slack_onset(scene: Scene) -> dict[str, Any]:
-    """Arguments of a refinement with coarser runs up to the slack onset."""
-    view = View.of_scene(scene)
-    return {"view": replace(view, window=(view.window[0], max(view.window[1], SLACK_END)), reaches_end=True)}
+def ladder_to_the_end(scene: Scene, method: str, settings: dict[str, Any]) -> Ladder:
+    """A run and coarser runs to the end of the travel: tables go on past the range that a check compares."""
+    runs = RunsOfMethod(scene, method, settings)
+    runs.window_end = None
+    return runs.compute_ladder(runs.method.settings_for_scene(scene.groups, settings))
 
 
 def largest_nearby(gap: Array) -> Array:
