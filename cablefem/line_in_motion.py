@@ -64,8 +64,8 @@ class LineInMotion(MarchingSystem):
         """The sign of the slip that friction and brakes of a car act against; 0: they hold it."""
         raise NotImplementedError
 
-    def set_friction(self, i: int, s: float, sign: float) -> None:
-        """Set friction of a free car, and the brakes that begin up to s, against a slip of this sign."""
+    def set_friction_and_brakes(self, i: int, s: float, sign: float) -> None:
+        """Let friction of a free car, and the brakes that begin up to s, act against a slip of this sign."""
         raise NotImplementedError
 
     def travel_unknown(self, i: int) -> int:
@@ -121,6 +121,13 @@ class LineInMotion(MarchingSystem):
     def sticking_unknowns(self) -> list[int]:
         """Numbers among the unknowns of s of cars that friction holds on the rope."""
         return [self.travel_unknown(i) for i in self.stops if self.sticks(i)]
+
+    def set_friction(self, i: int, s: float, sign: float) -> None:
+        """`set_friction_and_brakes`; events' values that depend on what has changed are forgotten."""
+        if (self.reached[i], self.slip_sign(i)) != (s, sign):
+            self._known_values = None
+        self.reached[i] = s
+        self.set_friction_and_brakes(i, s, sign)
 
     def begin_step(self, x: State) -> None:
         """Keep the direction of friction for one step."""

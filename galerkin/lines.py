@@ -249,14 +249,10 @@ class LineSines(LineInMotion):
     def slip_sign(self, i: int) -> float:
         return float(self.frictions[i, SIGN])
 
-    def set_friction(self, i: int, s: float, sign: float) -> None:
+    def set_friction_and_brakes(self, i: int, s: float, sign: float) -> None:
         body = self.cars[i]
         *rear, last = body.brake_forces_of_wheels(s).tolist()
-        friction = Friction(body.car.drive.mu_r, sum(rear), last, sign)
-        self.reached[i] = s
-        if Friction(*self.frictions[i]) != friction:
-            self.frictions[i] = friction
-            self._known_values = None
+        self.frictions[i] = Friction(body.car.drive.mu_r, sum(rear), last, sign)
 
     def _set_release_friction_or_raise(self, k: int, Z: Array, values: LineValues) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""

@@ -91,7 +91,7 @@ class LineElements(LineInMotion, LineBalance):
         rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, held))
         self.hold = rows[slots] / stretch
         for i in self.free_cars:
-            self._set_brakes(i, x.q[slots[i]])
+            self.set_friction(i, x.q[slots[i]], self.slip_sign(i))
         now = self.car_loads_and_masses(t, phase)
         rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, now))
         pressing = np.abs(self._pressing_forces(x, rows, self.loads[0], now))
@@ -105,7 +105,7 @@ class LineElements(LineInMotion, LineBalance):
         thrust_angles = [car.drive.thrust_angle for car in self.line.cars_on_rope]
         needed -= now.thrust * np.cos(thrust_angles) / cos_phi
         for i in self.free_cars:
-            self.signs[i] = -np.sign(needed[i]) or 1.0
+            self.set_friction(i, self.reached[i], -np.sign(needed[i]) or 1.0)
             car = self.line.cars_on_rope[i]
             holding = car.drive.mu_r * loads[i] + self.brakes[i]
             if car.drive.has_friction_or_brakes and abs(needed[i]) <= holding:
@@ -119,14 +119,9 @@ class LineElements(LineInMotion, LineBalance):
     def travel_unknown(self, i: int) -> int:
         return int(np.searchsorted(self._unknown, self.slot_of_s(i)))
 
-    def set_friction(self, i: int, s: float, sign: float) -> None:
-        self.signs[i] = sign
-        self._set_brakes(i, s)
-
-    def _set_brakes(self, i: int, s: float) -> None:
-        """Let the brakes that begin up to s act on car i."""
-        self.reached[i] = s
+    def set_friction_and_brakes(self, i: int, s: float, sign: float) -> None:
         drive = self.line.cars_on_rope[i].drive
+        self.signs[i] = sign
         self.brakes[i] = drive.brake_force(s)
         self.rear_brakes[i] = drive.rear_brake_force(s)
 

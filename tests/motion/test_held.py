@@ -91,6 +91,17 @@ def test_the_run_goes_on_past_a_rider_that_its_brake_holds(line, wing):
     assert np.ptp(ahead.s[held]) > 100.0
 
 
+@pytest.mark.parametrize("wing", WINGS)
+def test_a_rider_that_friction_holds_has_stopped_and_does_not_stop_again(line, wing):
+    system = WINGS[wing](line_in_motion(line, solve), 1)
+    x = system.start(0, None)
+    stops = system.events.index("rear stops")
+    assert np.isfinite(system.event_values(x)[stops])
+    rear = system.stops[0]
+    system.set_friction(rear, system.reached[rear], 0.0)
+    assert system.event_values(x)[stops] == np.inf
+
+
 def test_both_solvers_and_the_laws_agree_on_it(line, ladders):
     rows = compare_and_check_laws(line, *ladders, LineTolerance(2e-2, 0.1))
     assert worst_deciding_verdict(rows).value == "agree"
