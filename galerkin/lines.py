@@ -33,7 +33,6 @@ from galerkin.segments import Layout
 
 CACHED_INSTANTS = 8  # whose prescribed coordinates are kept: a step's nodes are evaluated several times
 NUDGE = 1e-4  # [s] for the velocity of a line that starts in motion
-REAR_BRAKE = Friction._fields.index("rear_brake")
 SIGN = Friction._fields.index("sign")
 HOLD = Friction._fields.index("hold")
 
