@@ -54,7 +54,8 @@ class CoordinateSolve(NamedTuple):
 class LineBalance(LineCoordinates):
     """The balance of a rope over contacts with cars.
 
-    compiled : loops of `segment_kernels` in the place of numpy.
+    compiled : rows and tangents of segments, and many steps, by `segment_kernels` in the place of numpy; solutions are
+    compiled anyway.
     """
 
     def __init__(self, line: MovingLine, elements: int, degree: int, compiled: bool) -> None:

@@ -29,7 +29,8 @@ SHIFT = 1e-4  # [s] for velocities through states of rest
 class LineElements(LineInMotion, LineBalance):
     """A rope over contacts with cars; `elements` of `degree` on each segment.
 
-    compiled : loops of `segment_kernels` in the place of numpy.
+    compiled : rows and tangents of segments, and many steps, by `segment_kernels` in the place of numpy; solutions are
+    compiled anyway.
     Events end the run: "A meets B" and "CAR reaches SUPPORT" at NEAREST; "CAR lifts off" where the rope would have to
     hold it down; "rope falls slack" and "rope lifts off SADDLE"; AT_REST.
     The run goes on after "CAR brakes", "CAR leaves a brake" where it rolls back, and "CAR stops", where friction may
