@@ -33,6 +33,7 @@ class LineInMotion(MarchingSystem):
     coordinates_from_unknowns: Callable[..., Any]  # all coordinates with their rates in states t, q, v, a, phase
     reached: Any  # s up to which the brakes of free cars act, by number
     held_since: Any  # [s] when friction last stopped free cars
+    free_cars: Any  # their numbers
 
     def watch(self, cars: Mapping[int, Car]) -> None:
         """Set what events watch; cars : on the rope, by number."""
@@ -40,9 +41,8 @@ class LineInMotion(MarchingSystem):
         self.car_by_number = cars
         self.passages = possible_passages(self.line)
         self.gaps = [k for k, neighbours in enumerate(pairwise(touching)) if self._may_meet(*neighbours)]
-        free = {i: car for i, car in cars.items() if car.drive_kind == "free"}
-        self.stops = [i for i, car in free.items() if car.drive.has_friction_or_brakes]
-        self.braked = [i for i in self.stops if free[i].drive.brakes]
+        self.stops = [i for i in self.free_cars if cars[i].drive.has_friction_or_brakes]
+        self.braked = [i for i in self.stops if cars[i].drive.brakes]
         names = [meeting_event_name(touching[k], touching[k + 1]) for k in self.gaps]
         names += [f"{cars[i].name} stops" for i in self.stops]
         for i in self.braked:
@@ -142,10 +142,9 @@ class LineInMotion(MarchingSystem):
 
     def time_at_rest(self, phase: int) -> float:
         """When all free cars, which friction holds, are at rest; inf where it does not hold them, or there are none."""
-        free = [i for i, car in self.car_by_number.items() if car.drive_kind == "free"]
-        if not free or not all(self.sticks(i) for i in free):
+        if not self.free_cars or not all(self.sticks(i) for i in self.free_cars):
             return math.inf
-        return self.line.time_at_rest(float(max(self.held_since[i] for i in free)), phase)
+        return self.line.time_at_rest(float(max(self.held_since[i] for i in self.free_cars)), phase)
 
     def _stop_or_slip_on(self, i: int, x: State) -> State:
         """The state after a standstill: friction holds the car, or it slips."""
