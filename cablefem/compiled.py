@@ -106,15 +106,20 @@ class _InnerCompiler(Compiler):
         super().__init__(typing, target, _InnerCode(target.codegen(), "inner"), *arguments)
 
 
+def _source_stamp(source_file: str) -> bytes:
+    """A stamp of the sources in the folder of a file and below, and of the driver's."""
+    driver = Path(__file__).parent / "newmark"
+    sources = sorted([*driver.glob("*.py"), *Path(source_file).parent.rglob("*.py")])
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).digest()
+
+
 def compiling_decorator(source_file: str, *, inner: bool = False) -> Callable[[Callable], Any]:
     """The decorator of compiled functions in the folder of a source file, and below.
 
     inner : only compiled functions call it, which take it in; compiling is faster by a third.
     A change in any source file there, or in the driver's, compiles all anew: numba misses changes in called functions.
     """
-    driver = Path(__file__).parent / "newmark"
-    sources = sorted([*driver.glob("*.py"), *Path(source_file).parent.rglob("*.py")])
-    stamp = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).digest()
+    stamp = b"" if inner else _source_stamp(source_file)  # what others take in is not kept
     special: Any = {"no_cpython_wrapper": True, "pipeline_class": _InnerCompiler, "forceinline": True} if inner else {}
 
     def compiled(function: Callable) -> Any:
