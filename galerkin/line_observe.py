@@ -134,11 +134,12 @@ def _car_powers(system: LineSines, k: int, states: Sequence[State], s: Array, at
     reached = s - 1e-9 * np.sign(x.ds) * before_jump  # of two states at a brake the first is before it
     rolling = drive.mu_r if body.car.rail is None else 0.0  # a shoe has no friction
     resisting = rolling * np.abs(body.normal_wheel_loads(at)) + body.brake_forces_of_wheels(reached)
+    phases, phase_of_state = np.unique([state.phase for state in states], return_inverse=True)
     power = np.zeros(s.size)
     for wheel, force in zip(wheels, resisting.T, strict=True):
         sign = np.sign(wheel.ds)
         if body.car.travel is not None:  # rope that creeps under a standing car does not turn its friction
-            sign = np.array([line.travel_direction(body.car, state.phase) for state in states])
+            sign = np.array([line.travel_direction(body.car, phase) for phase in phases.tolist()])[phase_of_state]
         power -= wheel.mean_stretch * force * sign * wheel.ds
     powers[f"{name} friction"] = power
     if drive.mode == "free":

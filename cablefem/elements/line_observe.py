@@ -432,7 +432,8 @@ def _car_loads_over_time(x: _History) -> CarLoadsAndMasses:
     sign = np.where(ds == 0.0, data.sign, np.sign(ds))
     for i, car in enumerate(system.line.cars_on_rope):
         if car.travel is not None:  # rope that creeps under a standing car does not turn its friction
-            sign[:, i] = [system.line.travel_direction(car, phase) for phase in x.phase.tolist()]
+            for phase, of in x.states_by_phase():
+                sign[of, i] = system.line.travel_direction(car, phase)
     return data._replace(thrust=thrust, hold=hold, brake=brake, rear_brake=rear_brake, sign=sign)
 
 
