@@ -116,7 +116,7 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
     cars, car_powers = _car_motions_and_powers(x)
     powers = _counterweight_powers(x) | car_powers
     for off_rope in system.off_rope.values():
-        state = _state_off_rope(x, off_rope, states)
+        state = _state_off_rope(x, off_rope)
         motion, powers_off = off_rope_motion_and_powers(line, off_rope.car, states, state, contacts)
         powers |= powers_off
         cars.append(motion)
@@ -314,11 +314,13 @@ def _powers_of_drive(car: Car, powers: Powers) -> Powers:
     return {force: powers[force] for force in FORCES_OF_DRIVE[car.drive.mode] if force in powers}
 
 
-def _state_off_rope(x: _History, off_rope: CarOffRope, states: Sequence[State]) -> OffRopeState:
+def _state_off_rope(x: _History, off_rope: CarOffRope) -> OffRopeState:
     """A car off the rope at all states."""
     car = off_rope.car
     z = np.array(x.coordinates)
-    points = np.array([x.system.car_point_and_rates(car.name, state) for state in states])
+    points = np.empty((x.t.size, 3, 2))
+    for phase, of in x.states_by_phase():
+        points[of] = off_rope.points_with_rates(x.t[of], z[:, of], phase)
     forces = off_rope.forces(points, z)
     powers: Powers = {}
     turning = None
