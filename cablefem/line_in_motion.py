@@ -27,7 +27,7 @@ TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
 
 
 class LineInMotion(MarchingSystem):
-    """A subclass calls `watch`, sets the attributes and defines the methods that raise; it numbers the cars."""
+    """A subclass sets the attributes, calls `watch` and defines the methods that raise; it numbers the cars."""
 
     line: MovingLine
     coordinates_from_unknowns: Callable[..., Any]  # all coordinates with their rates in states t, q, v, a, phase
