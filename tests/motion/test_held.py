@@ -130,7 +130,7 @@ def test_a_rider_that_stays_though_its_brake_is_too_weak_is_seen_by_the_law_of_f
         assert FRICTION in broken_laws(weaker.to_toml(), ladder)
 
 
-@pytest.mark.parametrize("wing", ["elements", "sines"])
+@pytest.mark.parametrize("wing", WINGS)
 def test_the_wave_of_another_brake_tears_a_rider_loose(line, wing):
     """It runs along the unstretched rope at sqrt(EA/rho)."""
     brakes = {"car.rear.drive.brake.0.from": 30.0, "car.rear.drive.brake.0.force": 240.0}
