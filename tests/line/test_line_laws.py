@@ -134,11 +134,35 @@ def rewriting(name, old, new):
     return edit
 
 
-def lower_rope(folder):
-    file = folder / "ropes.json"
-    ropes = json.loads(file.read_text())
-    ropes["depths"]["2"] = [depth + 1e-3 for depth in ropes["depths"]["2"]]
-    file.write_text(json.dumps(ropes))
+def drawing(change):
+    def edit(folder):
+        file = folder / "ropes.json"
+        ropes = json.loads(file.read_text())
+        change(ropes["profile"], ropes["depths"])
+        file.write_text(json.dumps(ropes))
+
+    return edit
+
+
+def lower_rope(profile, depths):
+    depths["2"] = [depth + 1e-3 for depth in depths["2"]]
+
+
+def lose_number_of_profile(profile, depths):
+    profile["y_rest"][3] = None
+
+
+def lose_number_of_rope(profile, depths):
+    depths["2"][3] = None
+
+
+def lose_end_of_profile(profile, depths):
+    profile["y_rest"].pop()
+
+
+def write_letter_in_last_cell(folder):
+    file = folder / "profile.csv"
+    file.write_text(file.read_text().rstrip().rpartition(",")[0] + ",x\n")
 
 
 @pytest.mark.parametrize(
@@ -146,7 +170,11 @@ def lower_rope(folder):
     [
         (shift_columns, "positions.csv, depth"),
         (rewriting("profile.csv", "y_highest,y_lowest", "y_lowest,y_highest"), "profile.csv, y_lowest"),
-        (lower_rope, "ropes.json"),
+        (write_letter_in_last_cell, "profile.csv"),
+        (drawing(lower_rope), "ropes.json"),
+        (drawing(lose_number_of_profile), "ropes.json"),
+        (drawing(lose_number_of_rope), "ropes.json"),
+        (drawing(lose_end_of_profile), "ropes.json"),
         (rewriting("summary.json", '"outcome_kind": "collides"', '"outcome_kind": "carries"'), "outcome"),
         (rewriting("summary.json", "hits tree", "hits bush"), "outcome"),
         (rewriting("summary.json", '"position": 4', '"position": 3'), "design, positions of cars"),

@@ -498,6 +498,13 @@ def _float_or_none(cell: str | None) -> float | None:
         return None
 
 
+def _distances_or_nan(written: Array | None, expected: Array) -> Array:
+    """Distances (n,) of a written column to the expected one; nan if there is none, or one of another length."""
+    if written is None or written.shape != expected.shape:
+        return np.full(expected.shape, math.nan)
+    return np.abs(written - expected)
+
+
 def _extreme_tensions(ropes: Sequence[RopeAtRest], x: Array) -> dict[str, Array]:
     """Columns (m,) of profile.csv at x: at a car that grips the tension jumps, and both of its values count."""
     near = 1e-9 * float(np.ptp(x))
@@ -568,7 +575,11 @@ class _PrintedLine:
 
     def note_profile(self) -> None:
         """Note the gaps of profile.csv, and of the profile and the ropes drawn by ropes.json."""
-        table = read_csv_columns(self.folder / "profile.csv")
+        try:
+            table = read_csv_columns(self.folder / "profile.csv")
+        except ValueError as fault:  # a cell that is no number, or rows of other lengths
+            self.gaps.note_gap("profile.csv", str(fault), math.inf)
+            return
         drawn = read_json(self.folder / "ropes.json")
         x = table["x"]
         ropes = {i: _rope_at_position(self.data, self.rest, i) for i in self.rest.states}
@@ -583,14 +594,14 @@ class _PrintedLine:
         for name, expected in columns.items():
             allowed = tensions_allowed if "tension" in name else lengths_allowed
             self._note_column(f"profile.csv, {name}", x, table.get(name), expected, allowed)
-            self._note_column("ropes.json", x, np.array(drawn["profile"][name]), expected, allowed)
+            self._note_column("ropes.json", x, np.array(drawn["profile"][name], float), expected, allowed)
         for position, drawn_depths in drawn["depths"].items():
-            off = np.abs(np.subtract(drawn_depths, depths[int(position) - 1]))
+            off = _distances_or_nan(np.array(drawn_depths, float), depths[int(position) - 1])
             self.gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / lengths_allowed)
 
     def _note_column(self, law: str, x: Array, written: Array | None, expected: Array, allowed: float) -> None:
         """Note the largest gap of a written column (n,) over x to the expected one; of a missing one a large one."""
-        off = np.abs(np.full(x.size, math.nan) if written is None else written - expected)
+        off = _distances_or_nan(written, expected)
         k = int(np.argmax(off))  # of nan, too
         self.gaps.note_gap(law, f"x = {x[k]:.6g} m", float(off[k]) / allowed)
 
