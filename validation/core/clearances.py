@@ -105,16 +105,21 @@ def min_rope_heights(rope: Array, ground: Array, ends: tuple[float, float]) -> t
     ends : x of the supports; ground beyond them is not beneath the rope.
     """
     corners, depth = ground.T
-    beneath = (corners >= ends[0]) & (corners <= ends[1])
-    at_corners = depth[beneath] - rope_depths(rope, corners[beneath])  # (n, corners)
+    rows = np.arange(len(rope))
     x, y = np.moveaxis(rope, 2, 0)  # (n, k)
     over = (x >= corners[0]) & (x <= corners[-1])
     at_points = np.where(over, np.interp(x, corners, depth) - y, np.inf)
-    heights = np.concatenate([at_corners, at_points], axis=1)
-    positions = np.concatenate([np.broadcast_to(corners[beneath], at_corners.shape), x], axis=1)
-    rows = np.arange(len(rope))
-    lowest = heights.argmin(axis=1)
-    return heights[rows, lowest], positions[rows, lowest]
+    lowest = at_points.argmin(axis=1)
+    heights = at_points[rows, lowest]
+    positions = x[rows, lowest]
+    beneath = (corners >= ends[0]) & (corners <= ends[1])
+    if not beneath.any():
+        return heights, positions
+    at_corners = depth[beneath] - rope_depths(rope, corners[beneath])  # (n, corners)
+    lowest = at_corners.argmin(axis=1)
+    of_corners = at_corners[rows, lowest]
+    at_corner = of_corners <= heights
+    return np.where(at_corner, of_corners, heights), np.where(at_corner, corners[beneath][lowest], positions)
 
 
 def rope_depths(points: Array, x: Array) -> Array:
