@@ -14,9 +14,9 @@ from validation.core.clearances import rope_and_mass_at_frames
 from validation.core.design import axial_round_trip_time, design_numbers
 from validation.core.measures import (
     broke_in_compared_part,
-    is_slack_where_answers_hold,
     last_time_valid_in_all,
     position_where_mass_outruns_waves,
+    slack_onset_where_answers_hold,
 )
 
 STATIONS = 201  # stations of profile.csv
@@ -141,7 +141,7 @@ def _end_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:
         sentence = f"stops at {last:.1f} m after {duration:.1f} s"
     elif r.drive == "haul":
         sentence = f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {duration:.1f} s"
-    if r.status != "complete" and not is_slack_where_answers_hold(r):
+    if r.status != "complete" and math.isinf(slack_onset_where_answers_hold(r)):
         sentence += f"; the computation ends at {r.s_o[-1]:.1f} m, past what is compared"
     return Outcome(kind, sentence + _slack_or_slow_waves_clause(r))
 
@@ -149,8 +149,9 @@ def _end_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:
 def _slack_or_slow_waves_clause(r: Response) -> str:
     """From where the cable is slack, or waves are slower than the mass, to be added to a sentence; "": nowhere."""
     steep = position_where_mass_outruns_waves(r)
-    if r.slack_onset is not None and is_slack_where_answers_hold(r) and r.slack_onset <= steep:
-        return f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
+    onset = slack_onset_where_answers_hold(r)
+    if math.isfinite(onset) and onset <= steep:
+        return f"; the cable goes slack when the mass is at {onset * r.length:.1f} m"
     if math.isfinite(steep):
         return f"; waves get slower than the mass when it is at {steep * r.length:.1f} m, no bar holds there"
     return ""

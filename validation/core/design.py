@@ -23,9 +23,9 @@ from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.clearances import Clearances, Track, clearance_tracks, obstacle_and_ground_profiles
 from validation.core.ladder import Ladder, bars_of_at_least_gap, max_distance
 from validation.core.measures import (
-    is_slack_where_answers_hold,
     last_time_valid_in_all,
     position_where_mass_outruns_waves,
+    slack_onset_where_answers_hold,
     time_means_between,
     time_span_for_extremes,
 )
@@ -499,9 +499,8 @@ def _is_at_boundary(extreme: _Extreme, r: Response, time_span: tuple[float, floa
 
 def _slack_onset_number(r: Response, other: Response | None, ladder: Ladder | None) -> Number | None:
     """Where slack begins, if before waves are slower than the mass in either run: no bar holds from there on."""
-    if r.slack_onset is None or not is_slack_where_answers_hold(r):
-        return None
-    if r.slack_onset > min(position_where_mass_outruns_waves(x) for x in (r, other or r)):
+    onset = slack_onset_where_answers_hold(r)
+    if math.isinf(onset) or onset > min(position_where_mass_outruns_waves(x) for x in (r, other or r)):
         return None
 
     def onset_or_nan(x: Response) -> float:
@@ -511,11 +510,11 @@ def _slack_onset_number(r: Response, other: Response | None, ladder: Ladder | No
     if ladder is not None:
         step = float(np.diff(r.s_o).max()) / r.length
         bar = ladder.bar(onset_or_nan, max_distance, FIRST) + step
-    s_o = r.slack_onset * r.length
+    s_o = onset * r.length
     where: dict[str, float | None] = {"s_o": s_o}
     where["t"] = float(np.interp(s_o, r.s_o, r.t))
     if r.slack_at is not None:
         s = r.slack_at * r.length
         where["s"] = s
         where["x"] = float(np.interp(s, r.fields.s, r.fields.x))
-    return _design_row("slack_onset", r.slack_onset, bar, "s_o/l", **where)
+    return _design_row("slack_onset", onset, bar, "s_o/l", **where)

@@ -116,13 +116,13 @@ def time_span_for_extremes(r: Response, other: Response | None) -> tuple[float, 
     return begin, min(end, high)
 
 
-def is_slack_where_answers_hold(r: MassPath) -> bool:
-    """Whether the cable goes slack, of a prescribed travel before `SLACK_END`.
+def slack_onset_where_answers_hold(r: MassPath) -> float:
+    """s_o/l from which the cable is slack, of a prescribed travel before `SLACK_END`; infinite: nowhere.
 
     Next to the far support no run converges, and one that grows there beyond all bounds looks slack.
     """
-    end = math.inf if r.drive == "free" else SLACK_END
-    return r.slack_onset is not None and r.slack_onset <= end
+    onset = r.slack_onset_position_or_inf
+    return math.inf if r.drive != "free" and onset > SLACK_END else onset
 
 
 def steps_in_window(r: MassPath, window: Window) -> NDArray[np.bool_]:
