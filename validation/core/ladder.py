@@ -123,13 +123,12 @@ class Ladder(Generic[Run]):
 
 
 def row_with_error_bars(
-    quantity: str, gap: float, ladders: Sequence[Ladder], parts: Sequence[tuple[float, float]], required: float,
-    basis: str = "coarser runs",
+    quantity: str, gap: float, ladders: Sequence[Ladder], parts: Sequence[tuple[float, float]], required: float
 ) -> Agreement:  # fmt: skip
-    """The row of a gap of two ladders;  parts : of both bars, in space and time;  basis : how these came about."""
+    """The row of a gap of two ladders;  parts : of both bars, in space and time."""
     bars = []
     for ladder, in_space_and_time in zip(ladders, parts, strict=True):
-        bars.append(BoundPart(ladder.finest.method, max(ROUNDING, sum(in_space_and_time)), basis))
+        bars.append(BoundPart(ladder.finest.method, max(ROUNDING, sum(in_space_and_time)), "coarser runs"))
     return Agreement(quantity, gap, Bound("error bars", tuple(bars)), required=required, parts=tuple(parts))
 
 

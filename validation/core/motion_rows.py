@@ -207,7 +207,7 @@ class LineComparison:
         gap = distances(values_at_instants(a), values_at_instants(self.b.finest))
         # of the largest change, as a path's: at single instants a phase that shifts hides the order
         parts = [ladder.bars_in_space_and_time(values_at_instants, gap_size) for ladder in (self.a, self.b)]
-        row = row_with_error_bars(quantity, size(gap), (self.a, self.b), parts, norm.required, basis="")
+        row = row_with_error_bars(quantity, size(gap), (self.a, self.b), parts, norm.required)
         when = a.instants_until(self.end)[int(np.argmax(gap))]
         return replace(row, law=law, where=None if rms else f"t = {when:.4g} s")
 
@@ -279,7 +279,7 @@ class LineComparison:
 
         gap = rms(values_at_instants(self.a.finest), values_at_instants(self.b.finest))
         parts = [ladder.bars_in_space_and_time(values_at_instants, rms) for ladder in (self.a, self.b)]
-        return row_with_error_bars(quantity, gap, (self.a, self.b), parts, self.tolerance.fields, basis="")
+        return row_with_error_bars(quantity, gap, (self.a, self.b), parts, self.tolerance.fields)
 
     def _energy_balance_rows(self) -> Iterator[Agreement]:
         """Of each method: energy less the work of its powers stays as it is."""
@@ -300,7 +300,7 @@ class LineComparison:
             if a.events and not any(bars):
                 bars = [ladder.bar(lambda moved: event_times(moved) / self.end) for ladder in ladders]
         parts = [(bar, 0.0) for bar in bars]
-        yield row_with_error_bars("events", gap, ladders, parts, self.tolerance.path, basis="")
+        yield row_with_error_bars("events", gap, ladders, parts, self.tolerance.path)
 
 
 def event_names(moved: LineRun) -> tuple[str, ...]:
