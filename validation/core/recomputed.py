@@ -345,7 +345,7 @@ class ExpectedOutcome:
 def recomputed_outcome_row(r: Response, counterpart: Response | None, kind: str, sentence: str) -> Agreement:
     """An outcome against the last event, the TOML's brakes and travel, breaking load and clearances."""
     numbers = RecomputedNumbers(r, counterpart)
-    expected = _expected_end_of_motion(r, numbers.data)
+    expected = _expected_end_of_motion(r, numbers.timetable)
     bars = {row["quantity"]: row["bar"] or 0.0 for row in r.design}
     expected.parts = _obstacle_hit_sentences(numbers, bars)
     if "safety_factor_min" in bars:
@@ -353,12 +353,12 @@ def recomputed_outcome_row(r: Response, counterpart: Response | None, kind: str,
     return _recomputed_row(r, "outcome", "", 0.0 if expected.matches(kind, sentence) else 1.0, ROUNDING)
 
 
-def _expected_end_of_motion(r: Response, data: SceneData) -> ExpectedOutcome:
+def _expected_end_of_motion(r: Response, table: Timetable) -> ExpectedOutcome:
     """How the car's motion ends, after where it first lifts off."""
     if broke_in_compared_part(r):
         return ExpectedOutcome("incomplete", [float(r.s_o[-1]), float(r.t[-1])])
     free = r.drive == "free"
-    end = _expected_outcome_of_free_ride(r, data.drive) if free else _expected_outcome_of_travel(r, data)
+    end = _expected_outcome_of_free_ride(r, table.drive) if free else _expected_outcome_of_travel(r, table)
     first = next((event for event in r.events if event["event"] == "lift_off"), None)
     if first is not None:
         end.numbers = [first["s_o"], first["t"], *end.numbers]
@@ -387,13 +387,9 @@ def _expected_outcome_of_free_ride(r: Response, drive: dict[str, Any]) -> Expect
     return ExpectedOutcome("stuck", [*before, s_o, t, farthest])
 
 
-def _expected_outcome_of_travel(r: Response, data: SceneData) -> ExpectedOutcome:
+def _expected_outcome_of_travel(r: Response, table: Timetable) -> ExpectedOutcome:
     """The end of a prescribed travel, by the TOML."""
-    hauled = r.drive == "haul"
-    table = Timetable(data.travel, data.drive, r.length)
-    start = table.start_position
-    end = table.arrival_position if hauled else r.length
-    last, duration = _travel_end_and_duration(table, end)
+    last, duration = _travel_end_and_duration(table)
     # a law and a design number judge the onset itself; here its text is compared
     onset = r.slack_onset_position_or_inf  # s_o/l
     if onset > SLACK_END:
@@ -403,15 +399,16 @@ def _expected_outcome_of_travel(r: Response, data: SceneData) -> ExpectedOutcome
     slack = [onset * r.length] if math.isfinite(onset) else []
     if ended_past_comparison:
         slack.insert(0, float(r.s_o[-1]))
-    if last < 0.999 * end:
+    if last < 0.999 * table.farthest_position:
         return ExpectedOutcome("stopped", [last, duration, *slack])
-    ends = [start, last] if hauled else []
+    ends = [table.start_position, last] if r.drive == "haul" else []
     return ExpectedOutcome("crossed", [*ends, duration, *slack])
 
 
-def _travel_end_and_duration(table: Timetable, end: float) -> tuple[float, float]:
-    """Where [m] a travel to `end`, or one that stops before, ends, and its duration [s]; nan where a table has none."""
+def _travel_end_and_duration(table: Timetable) -> tuple[float, float]:
+    """Where [m] a travel ends, and its duration [s]; nan where a table has none."""
     law = table.travel
+    end = table.farthest_position
     start = table.start_position
     if law["kind"] == "table":
         last = min(end, law["positions"][-1] + start)

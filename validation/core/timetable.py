@@ -35,10 +35,14 @@ class Timetable(NamedTuple):
         return float(self.drive.get("end", {}).get("place", 0.99 * self.length))
 
     @property
+    def farthest_position(self) -> float:
+        """Where a travel ends that does not stop before [m]."""
+        return self.arrival_position if self.drive.get("mode") == "haul" else self.length
+
+    @property
     def distance(self) -> float:
         """Of the whole travel [m]."""
-        end = self.arrival_position if self.drive.get("mode") == "haul" else self.length
-        return float(self.travel.get("to", end) - self.start_position)
+        return float(self.travel.get("to", self.farthest_position) - self.start_position)
 
     def positions_at(self, t: Array) -> Array:
         """s_o (n,) [m] at times t (n,), tables excepted."""
