@@ -16,7 +16,6 @@ from validation.core.scene_data import ROUNDING
 WINDOW = (0.02, 0.80)  # s_o/l past the start-up, before the layer at the far support
 SLACK_END = 0.95  # s_o/l: end for slack cables and hauled cars
 WINDOWS = {"grip": WINDOW, "haul": (WINDOW[0], SLACK_END), "free": (0.0, 1.0)}
-NARROWEST = 0.01  # s_o/l of a window: two frames of the fields, which laws of mechanics need
 # |s - s_o|/l left out of tension gaps, where meshes smear the jump; no round number, which stations lie on
 JUMP_WIDTH = 0.019999
 
@@ -65,7 +64,8 @@ def common_window(*responses: MassPath, window: Window | None = None) -> Window:
     ]
     end = min(ends)
     cut = min(high, end)
-    begin = low + NARROWEST
+    two_frames = 0.01  # of the fields, which laws of mechanics need, in s_o/l
+    begin = low + two_frames
     if cut >= begin:
         return low, cut
     if high < end * (1.0 - ROUNDING):
