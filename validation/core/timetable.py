@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 from cablefem.response import Array
 from validation.core.scene_data import ROUNDING
 
-SLOW_END = 1e-3  # of the top speed: a table that begins or ends slower does so at rest
 Stretches = list[tuple[float, float, float]]  # duration [s], initial acceleration [m/s2], jerk [m/s3]
 
 
@@ -99,7 +98,8 @@ def _top_speed_of_table(travel: dict[str, Any], distance: float, last: float) ->
             continue
         rows = slice(i, j + 1)
         slopes = CubicSpline(t[rows], s[rows])(t[rows], 1)
-        slow = slopes[[0, -1]] < SLOW_END * slopes.max()
+        at_rest = 1e-3  # of the top speed: a table that begins or ends slower does so at rest
+        slow = slopes[[0, -1]] < at_rest * slopes.max()
         at_rest = slow | [i > 0, j < t.size - 1]
         ends = tuple((1, 0.0) if rests else "not-a-knot" for rests in at_rest)
         curve = CubicSpline(t[rows], s[rows], bc_type=ends)
