@@ -98,8 +98,8 @@ def _top_speed_of_table(travel: dict[str, Any], distance: float, last: float) ->
             continue
         rows = slice(i, j + 1)
         slopes = CubicSpline(t[rows], s[rows])(t[rows], 1)
-        at_rest = 1e-3  # of the top speed: a table that begins or ends slower does so at rest
-        slow = slopes[[0, -1]] < at_rest * slopes.max()
+        negligible = 1e-3  # of the top speed: a table that begins or ends slower does so at rest
+        slow = slopes[[0, -1]] < negligible * slopes.max()
         at_rest = slow | [i > 0, j < t.size - 1]
         ends = tuple((1, 0.0) if rests else "not-a-knot" for rests in at_rest)
         curve = CubicSpline(t[rows], s[rows], bc_type=ends)
