@@ -138,29 +138,27 @@ def _expected_outcome_kind(summary: Row, design: dict[str, Row], hit: Sequence[R
 
 def _expected_end_kind(paths: Paths, scene: Row, events: Sequence[Row]) -> str:
     """The kind of outcome by the last event, or by who still rolls without one."""
-    free = {car["name"]: car["drive"] for car in scene["car"] if car.get("drive", {}).get("mode") == "free"}
+    free = _drives_of_free_cars(scene)
     of_one_ride = len(scene["car"]) == 1 and free
     end_event = _event_at_end(paths, events)
     if end_event:
         return _kind_of_last_event(scene, paths, end_event) if of_one_ride else "ends"
     if not free:
         return "arrives"
-    stops = {name: [x["t"] for x in events if x["event"] == f"{name} stops"] for name in free}
-    if any(_lasting_stop_time(paths[name], stops[name], drive) is None for name, drive in free.items()):
+    if any(_lasting_stop_time(paths, name, drive, events) is None for name, drive in free.items()):
         return "rolling"
     return _kind_of_stop(scene, paths) if of_one_ride else "ends"
 
 
 def _early_end_faults(paths: Paths, scene: Row, summary: Row) -> Faults:
     """Free cars that were not at rest for an axial round trip in a run that ends before its time without an event."""
-    free = {car["name"]: car["drive"] for car in scene["car"] if car.get("drive", {}).get("mode") == "free"}
+    free = _drives_of_free_cars(scene)
     t = max(path["t"][-1] for path in paths.values())
     latest = max((drive["end"]["time"] for drive in free.values()), default=0.0)
     if _event_at_end(paths, summary["events"]) or t >= latest * (1.0 - 1e-9):
         return
     for name, drive in free.items():
-        stops = [x["t"] for x in summary["events"] if x["event"] == f"{name} stops"]
-        stop = _lasting_stop_time(paths[name], stops, drive)
+        stop = _lasting_stop_time(paths, name, drive, summary["events"])
         chords_in_rope = 0.9  # at least: the run takes the one for the other under a counterweight
         if stop is None or t - stop < chords_in_rope * summary["round_trip"]:
             yield f"outcome: the run ends after {t:.4g} s of {latest:.4g} s, and {name} is not at rest by then"
@@ -196,18 +194,23 @@ def _expected_end_sentences(paths: Paths, scene: Row, events: Sequence[Row]) -> 
         name = car["name"]
         path = paths[name]
         yield f"{name} at x = {path['x'][-1]:.1f} m"
-        drive = car.get("drive", {})
-        stop = _lasting_stop_time(path, [x["t"] for x in events if x["event"] == f"{name} stops"], drive)
+        stop = _lasting_stop_time(paths, name, car.get("drive", {}), events)
         if stop is not None:
             yield f"{name} stops at x = {np.interp(stop, path['t'], path['x']):.1f} m after {stop:.1f} s"
     yield f"{_event_at_end(paths, events) or 'ends'} after {path['t'][-1]:.1f} s"
 
 
-def _lasting_stop_time(path: dict[str, Array], stops: Sequence[float], drive: Row) -> float | None:
+def _drives_of_free_cars(scene: Row) -> dict[str, Row]:
+    """Tables of the drives of cars that roll freely, by name."""
+    return {car["name"]: car["drive"] for car in scene["car"] if car.get("drive", {}).get("mode") == "free"}
+
+
+def _lasting_stop_time(paths: Paths, name: str, drive: Row, events: Sequence[Row]) -> float | None:
     """Time [s] of a car's last stop before the end of its path, if it has not moved since."""
+    path = paths[name]
     t = path["t"]
     before_end = t[-1] * (1.0 - 1e-9)
-    earlier = [stop for stop in stops if stop < before_end]
+    earlier = [x["t"] for x in events if x["event"] == f"{name} stops" and x["t"] < before_end]
     if not earlier:
         return None
     distance = abs(path["s_o"][-1] - np.interp(earlier[-1], t, path["s_o"]))
