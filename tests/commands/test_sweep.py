@@ -178,6 +178,32 @@ def test_a_row_holds_the_run(tmp_path):
     assert stored["max_deflection"] == row["max_deflection"]
 
 
+def test_an_axis_takes_numbers_words_and_tables_side_by_side(tmp_path):
+    """A percentage or a table beside a number broke the sweep after its scenes were computed."""
+    axes = {"mass.mass": [1000, "+10%"], "cable.damping": [0.0, 0.1], "travel.kind": ["constant_speed"]}
+    brakes = {"drive.brake": [[], [{"from": 280.0, "force": 600.0}]]}
+    study = Study.from_table(GRID | {"vary": axes | brakes})
+    rows = [{"index": i, **study.point(i), "status": "complete"} for i in range(len(study))]
+    engine.write_rows(tmp_path, study, rows)
+    stored = engine.read_rows(tmp_path)
+    assert list(stored["mass.mass"].unique()) == ["1000", "+10%"]
+    assert list(stored["drive.brake"].unique()) == ["[]", '[{"from": 280.0, "force": 600.0}]']
+    assert list(stored["cable.damping"].unique()) == [0.0, 0.1]
+    assert set(stored["travel.kind"]) == {"constant_speed"}
+
+
+def test_a_damaged_file_of_rows_is_named_and_other_files_beside_rows_are_left_alone(tmp_path):
+    folder = tmp_path / "mu=3"  # as others name parts of Parquet
+    study = study_of_count(2)
+    for i in range(2):
+        engine.write_rows(folder, study, [{"index": i, **study.point(i), "status": "complete"}])
+    (folder / "rows" / "notes.txt").write_text("mine")
+    assert engine.read_rows(folder)["mu"].tolist() == [study.point(i)["mu"] for i in range(2)]
+    (folder / "rows" / "00000001-1.parquet").write_bytes(b"")
+    with pytest.raises(Refused, match=r"rows/00000001-1\.parquet.* delete this file, and the same command"):
+        engine.finished_indices(folder)
+
+
 def test_whatever_happens_to_a_scene_is_a_row(monkeypatch):
     refused = Study.from_table(GRID | {"vary": {"cable.EA": [1.0, 2.0]}})
     assert job.row_of_point(refused, 0, refused.point(0))["status"] == "refused"

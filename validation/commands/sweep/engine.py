@@ -1,6 +1,7 @@
 """The loop of a sweep on Dask, in chunks of scenes."""
 
 import asyncio
+import json
 import logging
 import os
 import signal
@@ -175,6 +176,8 @@ def write_rows(out: Path, study: Study, rows: list[Row]) -> None:
     import pyarrow
     from pyarrow import parquet
 
+    texts = [name for name, axis in study.axes.items() if not axis.numeric]
+    rows = [row | {name: _text_of_value(row[name]) for name in texts} for row in rows]
     table = pyarrow.Table.from_pylist(rows, _parquet_schema(study))
     with atomic_write(out / "rows" / f"{rows[0]['index']:08d}-{len(rows)}.parquet") as temporary:
         parquet.write_table(table, temporary)
@@ -191,12 +194,27 @@ def _parquet_schema(study: Study) -> "Schema":
     return pa.schema({"index": pa.int64()} | inputs | results | inputs)
 
 
+def _text_of_value(value: Any) -> str:
+    """A word as it is; numbers, lists and tables beside words as JSON."""
+    return value if isinstance(value, str) else json.dumps(value)
+
+
 def read_rows(out: Path, *columns: str) -> "DataFrame":
-    """All rows as a pandas.DataFrame, by index; with these columns, if some are named."""
+    """All rows as a pandas.DataFrame, by index; with these columns, if some are named.
+
+    Raises Refused for a file that cannot be read, as after a loss of power.
+    """
     import pandas
+    from pyarrow import ArrowInvalid
 
     names = ["index", *columns] if columns else None
-    return pandas.read_parquet(out / "rows", columns=names).set_index("index").sort_index()
+    files = sorted((out / "rows").glob("*.parquet"))
+    try:
+        rows = pandas.read_parquet(files, columns=names, partitioning=None)  # a folder may be named mass=80
+    except ArrowInvalid as error:
+        what_to_do = "delete this file, and the same command computes its scenes again"
+        raise Refused(f"{str(error).splitlines()[0]}; {what_to_do}") from None
+    return rows.set_index("index").sort_index()
 
 
 def finished_indices(out: Path) -> set[int]:
