@@ -26,6 +26,19 @@ from cablefem.shoes import Passage, car_may_pass_saddle, possible_passages
 TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
 
 
+def positions_between_jumps(t: Array, s: Array) -> Array:
+    """Positions s (n, ...) that tell which brakes act at times t (n,).
+
+    Where a time stands twice a brake may begin or end to act, at a place known to rounding of a step only: the state
+    before takes the position before it, the one after that after it.
+    """
+    first = np.flatnonzero(np.diff(t) <= 0.0)
+    out = s.copy()
+    out[first + 1] = s[np.minimum(first + 2, t.size - 1)]
+    out[first] = s[np.maximum(first - 1, 0)]
+    return out
+
+
 class LineInMotion(MarchingSystem):
     """A subclass sets the attributes, calls `watch` and defines the methods that raise; it numbers the cars."""
 

@@ -8,6 +8,7 @@ import pytest
 
 from cablefem.catenary_line import solve
 from cablefem.elements.system import LineElements
+from cablefem.line_in_motion import positions_between_jumps
 from cablefem.newmark import Work, integrate, scheme, step_times_by_phase
 from cablefem.scene.contacts import AT_REST
 from cablefem.scene.line import Line
@@ -52,8 +53,15 @@ end = {{time = 30.0}}
 """
 
 
+def line_of_rider(drive):
+    """A rider of 90 kg alone."""
+    text = ROPE + '[[car]]\nname = "rider"\nmass = 90.0\ndrive = {mode = "free"}\n'
+    return Line.from_toml(text).replace({f"car.rider.drive.{key}": value for key, value in drive.items()})
+
+
 RIDERS = ROPE + rider_toml("rear", 80.0, 8.0, (60.0, 500.0)) + rider_toml("ahead", 95.0, 40.0, (220.0, 300.0))
 FRICTION = "friction that holds cars"
+PLACES = "places of brakes"
 WINGS = {
     "elements": lambda scene, n: LineElements(scene, elements=n),
     "sines": lambda scene, n: LineSines(scene, 2 * n),
@@ -128,6 +136,35 @@ def test_a_rider_that_stays_though_its_brake_is_too_weak_is_seen_by_the_law_of_f
     weaker = line.replace({"car.rear.drive.brake.0.force": 30.0})
     for ladder in ladders:
         assert FRICTION in broken_laws(weaker.to_toml(), ladder)
+
+
+def test_a_brake_that_begins_elsewhere_or_not_at_all_is_seen_by_the_law_of_places(line, ladders):
+    """Both solvers would agree on it, and the work of a metre of brake is a hundredth of all work."""
+    elsewhere = line.replace({"car.rear.drive.brake.0.from": 61.0})
+    without = line.replace({"car.rear.drive.brake": []})
+    for ladder in ladders:
+        assert PLACES not in broken_laws(line.to_toml(), ladder)
+        assert PLACES in broken_laws(elsewhere.to_toml(), ladder)
+        assert PLACES in broken_laws(without.to_toml(), ladder)
+
+
+def test_a_brake_acts_from_its_event_on_though_the_step_there_overshoots():
+    t = np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0, 4.0, 5.0])
+    s = np.array([0.0, 5.0, 10.0, 10.0, 12.0, 10.0, 10.0, 8.0]) + 1e-6  # reaches 10 m, and leaves it again
+    acts = positions_between_jumps(t, s) >= 10.0
+    assert acts.tolist() == [False, False, False, True, True, True, False, False]
+
+
+def test_energy_of_a_ride_without_friction_and_drag_is_over_what_it_takes_from_its_weight():
+    free = line_of_rider({"start": 20.0, "end": {"time": 12.0}})
+    assert np.abs(relative_unbalanced_work(LineRuns(ELEMENTS, free).run(2, 2))).max() < 1e-3
+
+
+def test_a_stop_in_a_strong_brake_is_refined_in_time_until_it_agrees():
+    """Its time errs by the steps, not by the mesh."""
+    brake = [{"from": 120.0, "force": 500.0}]
+    strong = line_of_rider({"start": 8.0, "rolling_friction": 0.02, "brake": brake, "end": {"time": 40.0}})
+    assert worst_deciding_verdict(check_line(strong).rows).value == "agree"
 
 
 @pytest.mark.parametrize("wing", WINGS)

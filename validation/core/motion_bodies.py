@@ -190,9 +190,10 @@ class CarBody:
         drive = self.data.get("drive", {})
         front = self.touching[-1]
         direction = self._direction_of_travel()
-        twice = np.diff(self.t) <= 0.0  # where a time stands twice a brake begins or ends to act between both
-        shift = np.append(0.0, twice) - np.append(twice, 0.0)
-        s = sampled(car.s) + 1e-9 * shift * np.sign(sampled(car.ds))
+        s = sampled(car.s).copy()
+        for i in np.flatnonzero(np.diff(self.t) <= 0.0).tolist():  # a brake begins or ends to act between both
+            s[i] = s[max(i - 1, 0)]
+            s[i + 1] = s[min(i + 2, s.size - 1)]
         for x, wheel in zip(self.touching[::-1], ("front", "rear"), strict=False):
             brake = self._braking_force(wheel, s)
             off_shoe = x.load_taken_by_shoe == 0.0  # a shoe has no friction
@@ -213,10 +214,15 @@ class CarBody:
         self.powers += [x.stretch * x.along * x.ds for x in self.touching]
 
     @property
-    def energy(self) -> Array:
-        """Kinetic and potential energy [J]."""
-        energies = [m * (0.5 * np.abs(v) ** 2 - self.g * point.imag) for m, point, v in self.masses]
+    def kinetic_energy(self) -> Array:
+        """(n,) [J]."""
+        energies = [0.5 * m * np.abs(v) ** 2 for m, _, v in self.masses]
         return np.asarray(sum(energies) + 0.5 * self.inertia * self.rate**2)
+
+    @property
+    def potential_energy(self) -> Array:
+        """(n,) [J]."""
+        return np.asarray(-self.g * sum(m * point.imag for m, point, _ in self.masses))
 
     @property
     def momentum(self) -> ComplexVector:

@@ -37,6 +37,7 @@ from validation.core.scene_data import (
 )
 
 WINDOWS = 12
+BRAKE_EVENTS = ("brakes", "leaves a brake")
 # kinds of design numbers, and their columns of a car's file
 COLUMN_OF_QUANTITY = {
     "haul": "F_haul",
@@ -207,10 +208,13 @@ def _time_windows(t: Array, end: float) -> Iterator[TimeWindow]:
         yield TimeWindow(part, t[part], W, W1, W2)
 
 
-def relative_energy_defect(t: Array, energy: Array, powers: Sequence[Array]) -> Array:
-    """Energy less work since the start (n,), over all work done: the integrals of |power| of all powers (n,)."""
+def relative_energy_defect(t: Array, energy: Array, kinetic: Array, powers: Sequence[Array]) -> Array:
+    """Energy less work since the start (n,), over all work done.
+
+    That is the integrals of |power| of all powers (n,), and by weight the range of the kinetic energy.
+    """
     work = cumulative_trapezoid(sum(powers, np.zeros(t.size)), t, initial=0.0)
-    all_work = sum(float(np.trapezoid(np.abs(power), t)) for power in powers)
+    all_work = sum(float(np.trapezoid(np.abs(power), t)) for power in powers) + float(np.ptp(kinetic))
     return np.asarray((energy - energy[0] - work) / (all_work or 1.0))
 
 
@@ -264,12 +268,13 @@ def counterweight_defects_by_window(x: SampledMotion, end: float) -> Array:
 
 
 def energy_defects(x: SampledMotion, end: float) -> Array:
-    """Energy less work since the start (n,), over all work done."""
+    """Energy less work since the start (n,), see `relative_energy_defect`."""
     line = x.line
-    energy = x.kinetic - line.q * x.rope_depth + x.rope_squared_tension / (2.0 * line.EA)
+    kinetic = x.kinetic + sum(body.kinetic_energy for body in x.bodies)
+    energy = kinetic - line.q * x.rope_depth + x.rope_squared_tension / (2.0 * line.EA)
     powers = []
     for body in x.bodies:
-        energy += body.energy
+        energy += body.potential_energy
         powers += body.powers
     for contact, table in zip(x.contacts, line.contacts, strict=True):
         if table["kind"] == "spring":
@@ -279,10 +284,10 @@ def energy_defects(x: SampledMotion, end: float) -> Array:
         contact = x.contacts[k]
         N = x.at_samples(mean_tension(contact))
         ds = x.at_samples(contact.ds)
-        kinetic = 0.5 * line.rho * (ds * (1.0 + N / line.EA)) ** 2
-        per_length = N + N**2 / (2.0 * line.EA) + line.q * table["at"][1] - kinetic
+        entering = 0.5 * line.rho * (ds * (1.0 + N / line.EA)) ** 2
+        per_length = N + N**2 / (2.0 * line.EA) + line.q * table["at"][1] - entering
         powers.append(-outward * ds * per_length)
-    return relative_energy_defect(x.t, energy, powers)
+    return relative_energy_defect(x.t, energy, kinetic, powers)
 
 
 def body_moment_defects_by_window(x: SampledMotion, end: float) -> Array:
@@ -338,6 +343,30 @@ def holding_force_excesses_by_window(x: SampledMotion, end: float) -> Array:
             excess = needed - window.weighted_integral(largest)
             excesses.append(max(excess, 0.0) / (weight * window.duration))
     return np.array(excesses)
+
+
+def brake_place_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
+    """Largest distance (1,) of a place where a car comes to a brake, or leaves one, from the TOML's, over the rope.
+
+    1 if a brake acts at the end, or does not, against the place of its car.
+
+    moved : a run of the line, with events at steps, whatever n is in every n-th step.
+    """
+    motion = moved.motion
+    length = float(motion.s[-1] - motion.s[0])
+    defects = [0.0]
+    for car in motion.cars:
+        places = np.array([brake["from"] for brake in line.cars[car.name].get("drive", {}).get("brake", [])])
+
+        def distance(s: float, places: Array = places) -> float:
+            return float(np.abs(places - s).min(initial=length)) / length
+
+        begun, ended = ([t for event, t in moved.events if event == f"{car.name} {name}"] for name in BRAKE_EVENTS)
+        defects += [distance(s) for s in np.interp(begun + ended, motion.t, car.s)]
+        passed = int(np.sum(places <= car.s[-1])) - int(np.sum(places <= car.s[0]))
+        if len(begun) - len(ended) != passed and distance(car.s[-1]) > ROUNDING:
+            defects.append(1.0)
+    return np.array([max(max(defects) - ROUNDING, 0.0)])
 
 
 def _any_free_car_sticks(line: LineTables, motion: Any) -> bool:

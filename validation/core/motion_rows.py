@@ -293,13 +293,13 @@ class LineComparison:
             return
         a = self.a.finest
         b = self.b.finest
-        bars = [ladder.yes_no_bar(event_names) for ladder in ladders]
+        parts = [(ladder.yes_no_bar(event_names),) * 2 for ladder in ladders]
         gap = 1.0
         if event_names(a) == event_names(b):
             gap = max_distance(event_times(a), event_times(b)) / self.end
-            if a.events and not any(bars):
-                bars = [ladder.bar(lambda moved: event_times(moved) / self.end) for ladder in ladders]
-        parts = [(bar, 0.0) for bar in bars]
+            if a.events and not np.any(parts):
+                in_runs = partial(_event_times_over, end=self.end)
+                parts = [ladder.bars_in_space_and_time(in_runs) for ladder in ladders]
         yield row_with_error_bars("events", gap, ladders, parts, self.tolerance.path)
 
 
@@ -311,12 +311,16 @@ def event_times(moved: LineRun) -> Array:
     return np.array([t for _, t in moved.events])
 
 
+def _event_times_over(moved: LineRun, end: float) -> Array:
+    return event_times(moved) / end
+
+
 def relative_unbalanced_work(moved: LineRun, every: int = 1) -> Array:
-    """Energy less work since the start (n,), over all work done;  every : of the steps, every n-th is taken."""
+    """Energy less work since the start (n,), see `relative_energy_defect`;  every : n to take every n-th step."""
     motion = moved.motion
     steps = every_nth_step(motion.t, every)
     powers = [power[steps] for power in motion.powers.values()]
-    return relative_energy_defect(motion.t[steps], motion.energy[steps], powers)
+    return relative_energy_defect(motion.t[steps], motion.energy[steps], motion.kinetic[steps], powers)
 
 
 def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., Array], end: float) -> Agreement:

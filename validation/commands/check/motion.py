@@ -69,6 +69,9 @@ def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end: float) -> Itera
     for ladder in ladders:
         for name, law in laws.items():
             yield law_row(ladder, "laws_si", name, partial(defects, law), end)
+        if any(car.get("drive", {}).get("brake") for car in line.cars.values()):
+            places = partial(motion_laws.brake_place_defects, line)
+            yield law_row(ladder, "laws_si", "places of brakes", places, end)
 
 
 def check_line(
