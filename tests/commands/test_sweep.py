@@ -97,6 +97,9 @@ def test_a_study_reads_back_without_the_file_of_its_scene_and_points_keep_their_
     assert file.name == "asked"
     axes = {"mu": {"from": 0.1, "to": 1.0, "log": True}, "slope": [0, 45], "travel": {"choices": ["constant_speed"]}}
     grid = {"mu": {"from": 0.1, "to": 1.0, "count": 3}, "slope": [0, 20, 45], "sag_ratio": {"choices": [0.1, 0.2]}}
+    others = {"alpha": {"choices": [500]}, "speed_ratio": {"choices": [0.3]}}
+    axes |= others | {"sag_ratio": [0.1, 0.2]}
+    grid |= others
     how = {"method": "following-p2", "tol": 1e-2}
     for asked in (
         Study.from_table(how | {"sample": {"count": 4, "range": axes}}),
@@ -119,7 +122,7 @@ def test_a_study_reads_back_without_the_file_of_its_scene_and_points_keep_their_
         ({"tol": 2.0}, "tol = 2.0: must be a number from 1e-06 to 0.2"),
         ({"scene": "levle"}, "Did you mean level?"),
         ({"vary": {"mass.weight.of": []}}, "vary.mass.weight.of = []"),
-        ({"vary": {"moss.mass": [1.0]}}, "moss.mass: must be a field"),
+        ({"vary": {"moss.mass": [1.0]}}, "moss.mass: must be a key of the scene"),
         ({"vary": {"mu": {"from": 2.0, "to": 1.0, "count": 3}}}, "vary.mu.to = 1: must be > 2, where the range begins"),
         ({"vary": {"mu": {"from": -2.0, "to": 1.0, "count": 3, "log": True}}}, "mu.from = -2: must be > 0 with log"),
         ({"vary": {"mu": {"from": 2.0, "to": 3.0, "count": 1}}}, "vary.mu.count = 1: must be a whole number from 2"),
@@ -137,12 +140,40 @@ def test_a_study_reads_back_without_the_file_of_its_scene_and_points_keep_their_
         ({"method": None, "vary": {"method": ["fourier", "wavelt"]}}, "method = 'wavelt': unknown. Did you mean wavel"),
         ({"method": "fourier"}, "settings.elements: unknown key."),
         ({"job": "power", "settings": {"families": "wied"}}, "settings.families = 'wied': unknown. Did you mean wide?"),
+        ({"scene": None}, "sag_ratio: missing; without a base scene, sag_ratio, mu, alpha, speed_ratio must be axes"),
+        ({"scene": "bare", "vary": {"cable.sag": [50.0]}}, "scene bare has no [mass] and [travel]"),
+        ({"settings": {"elements": -3}}, "settings.elements must lie in [1, 100000], got -3"),
+        ({"tol": 1e-2}, "settings.elements: tol chooses it; leave one of them out"),
+        ({"job": "check", "tol": 1e-2}, "method: job 'check' does not take it"),
+        ({"vary": {"mass.mass": [1.0], "mu": [0.5]}}, "mass.mass: mu sets it, too; leave one of them out"),
+        ({"vary": {"model": ["strng"]}}, "model = 'strng': unknown. Did you mean string?"),
+        ({"vary": {"mass": [1.0]}}, "mass: must be a key of the scene with its dot"),
+        ({"vary": {"model": ["quasi-static"]}}, "model = 'quasi-static': unknown."),
+        ({"settings": {}, "vary": {"tol": [1e-2, 5]}}, "tol must lie in [1e-06, 0.2], got 5"),
+        ({"vary": None, "sample": SAMPLE | {"range": {"mu": [1, 2, 3]}}}, "mu = [1, 2, 3]: must be [low, high]"),
     ],
 )
 def test_a_faulty_study_says_what_is_wrong(change, said):
     with pytest.raises(Refused, match=r".") as refused:
         Study.from_table({k: v for k, v in (GRID | change).items() if v is not None})
     assert said in str(refused.value)
+
+
+def test_a_study_of_planted_faults_takes_cases_alone():
+    power = {"job": "power", "tol": 1e-3}
+    for axes, said in (
+        ({"case": [0.5]}, "case = 0.5: must be a whole number"),
+        ({"case": [1], "mass.mass": [60.0]}, "mass.mass: job 'power' draws its scenes by case"),
+    ):
+        with pytest.raises(Refused, match=said):
+            Study.from_table(power | {"vary": axes})
+
+
+def test_keys_of_a_scene_need_no_quotes():
+    """[vary] mass.mass = [...] is a table within a table in TOML."""
+    dotted = tomllib.loads("vary.mass.mass = [60, 80]\nvary.drive.brake.0.force = {from = 1.0, to = 2.0, count = 2}")
+    study = Study.from_table({"scene": "zipline", "method": "following-p2"} | dotted)
+    assert study.point(1) == {"mass.mass": 60, "drive.brake.0.force": 2.0}
 
 
 def test_what_has_no_meaning_in_a_drive_gives_way():

@@ -1,6 +1,6 @@
 """What varies from scene to scene."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
@@ -75,16 +75,29 @@ def _parse_axes(kind: type[Range], data: Any) -> dict[str, Axis]:
         raise ValueError("must be a table of at least one axis")
     axes: dict[str, Axis] = {}
     faults = []
-    for name, axis in data.items():
+    for name, axis in _with_dotted_names(data):
         try:
             axes[name] = _parse_axis(kind, axis)
         except SceneError as error:
             faults += [f"{name}.{fault}" for fault in error.faults]
         except TypeError:
-            faults.append(f"{name} = {short_text(axis)}: must be a list, or a table with choices, or with from and to")
+            a_list = "[low, high]" if kind is Range else "a list of values"
+            faults.append(
+                f"{name} = {short_text(axis)}: must be {a_list}, or a table with choices, or with from and to"
+            )
     if faults:
         raise SceneError(faults)
     return axes
+
+
+def _with_dotted_names(data: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Names and axes, from tables within tables too: mass.mass = [...] in TOML without quotes is one."""
+    entries = {name for axis in (Choices, Steps) for name in axis.written_field_names()}
+    for name, axis in data.items():
+        if isinstance(axis, dict) and axis and not entries & axis.keys():
+            yield from ((f"{name}.{inner}", content) for inner, content in _with_dotted_names(axis))
+        else:
+            yield name, axis
 
 
 def _parse_axis(kind: type[Range], data: Any) -> Axis:

@@ -17,9 +17,13 @@ from cablefem.scene import Scene, SceneError
 from cablefem.scene.drive import drive_keys_of_mode
 from cablefem.scene.errors import did_you_mean, short_text
 from cablefem.scene.fields import OneLine, Part, integer_between, number_between
+from cablefem.scene.keys import keys_containing_name_text
 from cablefem.scene.line import Line
+from cablefem.scene.scene import PACES
+from validation.commands.run import CHOICES, QUASI_STATIC
 from validation.commands.sweep import families
-from validation.commands.sweep.axes import MAX_POINTS, Axis, parse_grid_axes, parse_sample_axes
+from validation.commands.sweep.axes import MAX_POINTS, Axis, Range, parse_grid_axes, parse_sample_axes
+from validation.core.agreement import range_faults
 from validation.core.methods import METHODS, find_method, methods_of_other_packages
 from validation.core.store import Refused
 
@@ -27,6 +31,19 @@ GROUPS = ("sag_ratio", "mu", "alpha", "speed_ratio")  # of `Scene.variant`
 FREE = ("slope", "travel", "span", "rho", "gravity")  # besides them, of `Scene.from_groups`: without a base scene
 Point = dict[str, Any]  # values of the axes by name
 RUN_OPTIONS = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
+TOL_RANGE = (1e-6, 0.2)
+WORDS = {  # what an axis of words takes
+    **{name: [x for x in choices if x != QUASI_STATIC] for name, choices in CHOICES.items()},
+    "travel": list(PACES),
+}
+TRAVEL = ("speed", "top_speed", "initial_speed", "acceleration", "deceleration", "times", "positions")
+# keys of the scene that an axis without a dot sets
+SET_BY = {
+    "sag_ratio": ("cable.sag", "cable.length", "cable.horizontal_tension"), "mu": ("mass.mass",),
+    "alpha": ("cable.EA", "cable.E", "cable.section"), "speed_ratio": tuple(f"travel.{name}" for name in TRAVEL),
+    "slope": ("supports.drop",), "travel": ("travel.kind",), "span": ("supports.span",),
+    "rho": ("cable.mass_per_length",),
+}  # fmt: skip
 
 
 def _require_known_method(method: str) -> str:
@@ -64,7 +81,7 @@ class Study(Part):
     method: Annotated[str, AfterValidator(_require_known_method)] | None = None  # None: the cheapest that will do
     # of the method; of job power `families.scene_and_fault_key`
     settings: dict[str, Any] = Field(default_factory=dict)
-    tol: Annotated[float, number_between(1e-6, 0.2)] | None = None
+    tol: Annotated[float, number_between(*TOL_RANGE)] | None = None
     seconds: Annotated[float, number_between(0.1, 86_400.0)] = 120.0  # a scene may take
     vary: Annotated[dict[str, Axis], PlainValidator(parse_grid_axes)] | None = None  # the full grid of all axes
     sample: Sample | None = None
@@ -107,8 +124,14 @@ class Study(Part):
             return ["exactly one of [vary] (a full grid) and [sample] (a design of experiments) must be given"]
         faults = [] if len(self) <= MAX_POINTS else [f"vary: {len(self)} scenes; must be at most {MAX_POINTS}"]
         for name, axis in self.axes.items():
-            faults += self._axis_name_faults(name, axis)
+            faults += self._axis_name_faults(name, axis) or _faults_of_axis_values(name, axis)
         faults += self._method_and_setting_faults()
+        faults += self._faults_of_entries_without_meaning()
+        faults += self._missing_entry_faults()
+        return faults + self._contradiction_faults()
+
+    def _missing_entry_faults(self) -> list[str]:
+        """Faults of what the job needs, of groups that make a scene, and of a base scene without a mass."""
         named = {*self.axes, *self.run_options({})}
         needed = ["tol", "case"] if self.job == "power" else ["tol"]
         job = f"job {short_text(self.job)}"
@@ -116,41 +139,96 @@ class Study(Part):
             job += " without a method"
             if "method" in named:
                 needed = []
-        faults += [f"{x}: missing; {job} needs it" for x in needed if x not in named]
+        faults = [f"{x}: missing; {job} needs it" for x in needed if x not in named]
+        if self.job == "power":
+            return faults
+        if self.scene is None:
+            why = f"without a base scene, {', '.join(GROUPS)} must be axes"
+            return faults + [f"{x}: missing; {why}" for x in GROUPS if x not in named]
+        if self.scene.mass is None and not any(name.startswith("mass.") for name in named):
+            faults.append(
+                f"scene {self.scene.name} has no [mass] and [travel]: a bare cable is for modes and scenes only"
+            )
+        return faults
+
+    def _faults_of_entries_without_meaning(self) -> list[str]:
+        """Faults of entries and axes that the job, or a study with a tolerance, would leave out."""
+        given = [name for name in ("method", "settings", "truth", "scene") if getattr(self, name)]
+        of_run = ("method", "settings", "truth", *CHOICES)
+        without_meaning = {
+            "run": (), "check": of_run, "advise": of_run, "power": ("scene", "method", "truth", *CHOICES),
+        }[self.job]  # fmt: skip
+        faults = [
+            f"{x}: job {short_text(self.job)} does not take it" for x in [*given, *self.axes] if x in without_meaning
+        ]
+        if self.job == "power":
+            others = [name for name in self.axes if name not in ("case", "tol", *without_meaning)]
+            faults += [f"{name}: job 'power' draws its scenes by case" for name in others]
+        if self.job == "run" and (self.tol is not None or "tol" in self.axes):
+            chosen = {"steps", *(method.resolution.setting for method in METHODS.values())}
+            faults += [f"settings.{x}: tol chooses it; leave one of them out" for x in self.settings if x in chosen]
+        return faults
+
+    def _contradiction_faults(self) -> list[str]:
+        """Faults of keys of the scene that another axis sets, too; without a base scene all of those do."""
+        faults = []
+        for group, keys in SET_BY.items():
+            if self.scene is None or group in self.axes:
+                faults += [f"{key}: {group} sets it, too; leave one of them out" for key in keys if key in self.axes]
         return faults
 
     def _method_and_setting_faults(self) -> list[str]:
-        """Faults of methods on an axis, and settings that no method of the study has."""
+        """Faults of methods on an axis, of settings that no method of the study has, and of their values."""
         axis = self.axes.get("method")
-        methods = list(axis.values) if axis else [self.method] if self.method else list(METHODS)
+        names = list(axis.values) if axis else [self.method] if self.method else list(METHODS)
         faults = []
-        for method in methods:
+        for name in names:
             try:
-                _require_known_method(method)
+                _require_known_method(name)
             except ValueError as error:
-                faults.append(f"method = {short_text(method)}: {error}")
+                faults.append(f"method = {short_text(name)}: {error}")
         if faults:
             return faults
-        names = {name for method in methods for name in find_method(method).all_settings}
         if self.job == "power":
-            names = {"seed", "families"}
-            known = [*families.SETS, "lines"]
-            drawn = self.settings.get("families", "ropeway")
-            if drawn not in known:
-                return [f"settings.families = {short_text(drawn)}: unknown.{did_you_mean(str(drawn), known)}"]
-        return [f"settings.{x}: unknown key.{did_you_mean(x, names)}" for x in self.settings if x not in names]
+            return self._faults_of_power_settings()
+        methods = [find_method(name) for name in names]
+        known = {name: setting for method in methods for name, setting in method.all_settings.items()}
+        for name, value in self.settings.items():
+            if name not in known:
+                faults.append(f"settings.{name}: unknown key.{did_you_mean(name, known)}")
+                continue
+            try:
+                known[name].validated(name, value)
+            except ValueError as error:
+                faults.append(f"settings.{error}")
+        return faults
+
+    def _faults_of_power_settings(self) -> list[str]:
+        names = ("seed", "families")
+        faults = [f"settings.{x}: unknown key.{did_you_mean(x, names)}" for x in self.settings if x not in names]
+        known = [*families.SETS, "lines"]
+        drawn = self.settings.get("families", "ropeway")
+        if drawn not in known:
+            faults.append(f"settings.families = {short_text(drawn)}: unknown.{did_you_mean(str(drawn), known)}")
+        seed = self.settings.get("seed", 0)
+        if not _is_whole_number(seed):
+            faults.append(f"settings.seed = {short_text(seed)}: must be a whole number >= 0")
+        return faults
 
     def _axis_name_faults(self, name: str, axis: Axis) -> list[str]:
         """Faults of an axis' name: no group, no field of the scene, nothing of the run."""
-        names = {*GROUPS, *RUN_OPTIONS}
+        names = [*GROUPS, *RUN_OPTIONS]
         if not self.scene:
-            names |= {*FREE}
+            names += FREE
         if self.job == "power":
-            names.add("case")
+            names.append("case")
         part, dot, _ = name.partition(".")
         if name not in names and not (dot and part in Scene.written_field_names()):
-            near = did_you_mean(name, names)
-            return [f"{name}: must be a field of the scene file (cable.sag) or one of them.{near}"]
+            keys = keys_containing_name_text(name, Scene)
+            hint = f" {keys[0].upper()}{keys[1:]}." if keys else did_you_mean(name, names)
+            return [
+                f"{name}: must be a key of the scene with its dot (cable.sag), or another axis (sweep --keys).{hint}"
+            ]
         try:
             if dot and self.scene is not None:
                 self.scene.replace({name: axis.value_at_share(0.0)})
@@ -212,6 +290,28 @@ class Study(Part):
         """The entries of RUN_OPTIONS that the study names."""
         named = {"method": self.method, "tol": self.tol} | {k: v for k, v in point.items() if k in RUN_OPTIONS}
         return {k: v for k, v in named.items() if v is not None}
+
+
+def _is_whole_number(x: Any) -> bool:
+    rounding = 1e-9  # of equal steps
+    is_number = isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x)
+    return is_number and x >= 0 and abs(x - round(x)) <= rounding
+
+
+def _faults_of_axis_values(name: str, axis: Axis) -> list[str]:
+    """Faults of values of an axis of words, of tolerances, or of cases."""
+    values = list(axis.values) if axis.values or not isinstance(axis, Range) else [axis.low, axis.high]
+    if name in WORDS:
+        return [
+            f"{name} = {short_text(x)}: unknown.{did_you_mean(str(x), WORDS[name])}"
+            for x in values
+            if x not in WORDS[name]
+        ]
+    if name == "tol":
+        return [fault for x in values for fault in range_faults(name, x, *TOL_RANGE)]
+    if name == "case":
+        return [f"case = {short_text(x)}: must be a whole number >= 0" for x in values if not _is_whole_number(x)]
+    return []
 
 
 def _in_changed_drive_mode(scene: Scene, changes: dict[str, Any]) -> tuple[Scene, dict[str, Any]]:
