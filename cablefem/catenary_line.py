@@ -144,6 +144,7 @@ def _mean_tangent(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
     return both / _vector_lengths(both)
 
 
+@np.errstate(divide="ignore", invalid="ignore")  # of a trial in which a piece hangs plumb, w = 1: it is refused
 def _solve_by_newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
     """Unknowns by damped Newton steps and `extra_steps`; LineNotConverged without convergence."""
     # complex-step differentiation

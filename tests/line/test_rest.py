@@ -133,6 +133,19 @@ def test_a_counterweight_too_light_is_named_with_the_force_that_would_do(solver)
     assert line(cable, {**weight, "tension": named}, level).solve_at_rest(solver).states
 
 
+def test_a_trial_in_which_the_rope_hangs_plumb_is_refused_without_a_warning():
+    """Warnings are errors here. A car of 44 t on a rope that a counterweight of 200 kN holds has no rest."""
+    heavy = line(
+        {"mass_per_length": 6.0, "EA": 1.1e8},
+        contact("low", "anchor", 0.0, 0.0),
+        contact("tower", "saddle", 400.0, -60.0, shoe=4.0),
+        contact("top", "counterweight", 800.0, -140.0, tension=2e5),
+        car("carrier", 43775.0, {"from": 20.0, "to": 780.0, "count": 77}),
+    )
+    states = heavy.solve_at_rest(catenary_line.solve)
+    assert set(states.refused) == set(range(77))
+
+
 def test_the_force_that_would_do_is_enough_for_all_positions():
     positions = {"car.up.at": np.linspace(50.0, 710.0, 23), "car.down.at": np.linspace(488.0, 1148.0, 23)}
     few = {key: at.tolist() for key, at in positions.items()}
