@@ -241,6 +241,7 @@ def test_the_curve_of_two_keys(cablefem):
     ("arguments", "words"),
     [
         (("mass.mass=200:40", "outcome = arrives"), "LOW must be below HIGH"),
+        (("mass.mass=40:inf", "outcome = arrives"), "LOW must be below HIGH, both finite"),
         (("mass.mass", "outcome = arrives"), "must be KEY=LOW:HIGH"),
         (("mass.mass=40:200", "outcome = arrives and speed >"), "cannot read 'speed >'"),
         (("mass.mass=40:200", "outcome = arrive"), "unknown kind of outcome. Did you mean arrives? Known: breaks, "),
@@ -256,6 +257,19 @@ def test_a_bad_question_is_one_sentence(cablefem, arguments, words):
     code, out, err = cablefem("find", "zipline", arguments[0], "--so-that", arguments[1])
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert words in err
+
+
+def test_a_depth_that_is_largest_at_an_end_is_refused_and_the_advice_helps():
+    """A light car that climbs is deepest at its start: that does not make the condition fail there."""
+    climbing = cf.Scene.load("tramway")
+    range_of_mass = {"mass.mass": (50.0, 30e3)}
+    with pytest.raises(
+        Refused, match=r"at mass\.mass = 50 .* mass_deepest has no value; must be clearance_rope or clearance_car"
+    ):
+        cf.find(climbing, range_of_mass, so_that="mass_deepest <= 40 m", check=False)
+    over_ground = climbing.replace({"ground": [[-1.0, 40.0], [climbing.supports.span + 1.0, 40.0]]})
+    found = cf.find(over_ground, range_of_mass, so_that="clearance_car >= 0 m", check=False)
+    assert "holds everywhere" in found.sentence
 
 
 @pytest.mark.parametrize("keys", ["mass.mass", {}, {"mass.mass": (40.0,)}])

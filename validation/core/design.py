@@ -37,6 +37,7 @@ from validation.core.wheels import rope_stresses_under_wheel
 
 Number = dict[str, Any]
 Tracks = Callable[[Response], list[Track]]
+DEPTHS = ("deepest_point", "mass_deepest")  # known inside of range and cable only
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,7 @@ class DesignQuantity:
     @property
     def inner(self) -> bool:
         """Whether it is meaningless at the ends of range and cable."""
-        return self.name in ("deepest_point", "mass_deepest")
+        return self.name in DEPTHS
 
     @property
     def anywhere(self) -> bool:

@@ -1,3 +1,4 @@
+import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -89,8 +90,8 @@ def _parse_key_and_range(pair: str) -> tuple[str, tuple[float, float]]:
         low, high = map(float, text.split(":"))
     except ValueError:
         raise store.Refused(f"{pair}: must be KEY=LOW:HIGH, as mass.mass=40:200") from None
-    if not low < high:
-        raise store.Refused(f"{pair}: LOW must be below HIGH")
+    if not -math.inf < low < high < math.inf:
+        raise store.Refused(f"{pair}: LOW must be below HIGH, both finite")
     return key, (low, high)
 
 

@@ -10,6 +10,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from cablefem.scene.errors import did_you_mean
 from validation.core.answers import LINE_OUTCOMES, ONE_SPAN_OUTCOMES, Outcome, outcome_of_run
+from validation.core.design import DEPTHS
 from validation.core.limits import MET, first_brake_or_arrival, limit_rows, worst_judged_row, worst_limit_columns
 from validation.core.quantities import limit_row_texts
 from validation.core.scene_data import conversion_factor_or_nan
@@ -174,6 +175,19 @@ def _parse_clause(text: str) -> Clause:
     if match[2] == "=":
         raise Refused(f"--so-that: cannot read {text!r}; numbers are compared by <= or >=")
     return Clause(text, _colons_to_dots(match[1]), 1.0 if match[2][0] == ">" else -1.0, match[3], match[4])
+
+
+def refuse_depth_at_an_end(clauses: Sequence[Clause], answer: Answer, where: str) -> None:
+    """Refused for a depth that an answer lacks because its largest value is at an end, so that its extreme is unknown.
+
+    where : the value of the key, in words.
+    """
+    for clause in clauses:
+        if clause.name in DEPTHS and answer.numbers and clause.number_in(answer) is None:
+            raise Refused(
+                f"--so-that {clause.text}: {where} the deepest place is an end of the rope or of what is computed, and "
+                f"{clause.name} has no value; must be clearance_rope or clearance_car, over ground or an obstacle there"
+            )
 
 
 def refuse_uncheckable_clauses(clauses: Sequence[Clause], answers: Sequence[Answer], events: Sequence[str]) -> None:

@@ -28,6 +28,7 @@ from validation.commands.find.condition import (
     Row,
     answer_of_run,
     parse_condition,
+    refuse_depth_at_an_end,
     refuse_uncheckable_clauses,
 )
 from validation.core import store
@@ -209,8 +210,8 @@ def _one_key_and_range(keys: Mapping[str, Sequence[float]]) -> tuple[str, float,
             f"keys = {short_text(keys)}: must be one key and its range, as {{'mass.mass': (40, 200)}}"
         ) from None
     for end in (low, high):
-        if isinstance(end, bool) or not isinstance(end, Real):
-            raise Refused(f"{key} = {short_text(end)}: must be a number")
+        if isinstance(end, bool) or not isinstance(end, Real) or not math.isfinite(end):
+            raise Refused(f"{key} = {short_text(end)}: must be a finite number")
     if not low < high:
         raise Refused(f"{key} = {low:g}:{high:g}: LOW must be below HIGH")
     return key, low, high
@@ -267,6 +268,8 @@ class _Search:
                 ]
             except (SceneError, Refused, ArithmeticError) as error:
                 self.answers_by_value[value] = [Answer(FAILED, str(error).splitlines()[0], {})]
+            for answer in self.answers_by_value[value]:
+                refuse_depth_at_an_end(self.clauses, answer, f"at {self.key} = {value:.6g}")
             done = len(self.answers_by_value) / (BRACKETS + HALVINGS + 1.0)
             self.progress(f"{self.key} = {value:.6g}", min(0.9, done))
         return self.answers_by_value[value]
