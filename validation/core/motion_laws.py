@@ -35,8 +35,10 @@ from validation.core.scene_data import (
     read_csv_columns,
     rope_stresses_at_wheel,
 )
+from validation.core.timetable import Timetable
 
 WINDOWS = 12
+LAST_OF_ONE_SPAN = 2  # contacts: on a line of more a hauled car has its timetable in x
 BRAKE_EVENTS = ("brakes", "leaves a brake")
 # kinds of design numbers, and their columns of a car's file
 COLUMN_OF_QUANTITY = {
@@ -345,6 +347,35 @@ def holding_force_excesses_by_window(x: SampledMotion, end: float) -> Array:
     return np.array(excesses)
 
 
+def timetable_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
+    """Largest distance (1,) of a car from the timetable of the TOML, over the way that it goes.
+
+    moved : a run of the line;  every : of its steps every n-th is taken.
+    """
+    motion = moved.motion
+    steps = every_nth_step(motion.t, every)
+    t = motion.t[steps]
+    defects = [0.0]
+    for car in motion.cars:
+        travel = line.cars[car.name].get("travel")
+        if travel is None:
+            continue
+        in_x = line.cars[car.name].get("drive", {}).get("mode") == "haul" and len(line.contacts) > LAST_OF_ONE_SPAN
+        positions = (car.point[:, 0] if in_x else car.s / line.heat)[steps]
+        begin = travel.get("from", 0.0)
+        if travel["kind"] == "table":
+            rows = np.array(travel["times"]) <= t[-1]
+            positions = np.interp(np.array(travel["times"])[rows], t, positions)
+            expected = begin + np.array(travel["positions"])[rows]
+            way = travel["positions"][-1]
+        else:
+            way = abs(travel["to"] - begin)
+            forward = Timetable(travel | {"from": 0.0, "to": way}, {}, way)
+            expected = begin + math.copysign(1.0, travel["to"] - begin) * forward.positions_at(t)
+        defects.append(float(np.abs(positions - expected).max()) / way)
+    return np.array([max(max(defects) - ROUNDING, 0.0)])
+
+
 def brake_place_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
     """Largest distance (1,) of a place where a car comes to a brake, or leaves one, from the TOML's, over the rope.
 
@@ -380,6 +411,16 @@ def _any_free_car_sticks(line: LineTables, motion: Any) -> bool:
 
 
 Law = Callable[[SampledMotion, float], Array]  # defects of a motion up to a time [s]
+
+
+def laws_of_runs(line: LineTables) -> dict[str, Callable[..., Array]]:
+    """Laws of the TOML that need events or steps: defects (1,) of a run, and of every n-th step of it, by name."""
+    laws: dict[str, Callable[..., Array]] = {}
+    if any("travel" in car for car in line.cars.values()):
+        laws["timetables"] = timetable_defects
+    if any(car.get("drive", {}).get("brake") for car in line.cars.values()):
+        laws["places of brakes"] = brake_place_defects
+    return laws
 
 
 def laws_that_apply(line: LineTables, motions: Sequence[Any]) -> dict[str, Law]:

@@ -69,9 +69,8 @@ def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end: float) -> Itera
     for ladder in ladders:
         for name, law in laws.items():
             yield law_row(ladder, "laws_si", name, partial(defects, law), end)
-        if any(car.get("drive", {}).get("brake") for car in line.cars.values()):
-            places = partial(motion_laws.brake_place_defects, line)
-            yield law_row(ladder, "laws_si", "places of brakes", places, end)
+        for name, law_of_run in motion_laws.laws_of_runs(line).items():
+            yield law_row(ladder, "laws_si", name, partial(law_of_run, line), end)
 
 
 def check_line(

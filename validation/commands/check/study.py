@@ -50,6 +50,7 @@ from validation.core.rows import (
     worse_law_rows,
     worse_recomputed_rows,
 )
+from validation.core.running import Run
 from validation.core.sidebyside import Progress, no_progress, run_in_parallel
 from validation.core.store import Refused
 from validation.core.view import View
@@ -264,6 +265,8 @@ def _refine_and_compare(
     jobs: list[Callable[[Progress], Any]] = [side.refine_within_budget for side in sides]
     confirmed = False
     toml = scene.to_toml()
+    for side in sides:
+        Run(side.scene, side.method)  # what that imports forked processes need not import each
     while True:
         first, other = run_in_parallel(jobs, progress, _import_judging_modules)
         second = other.map(lambda r: replace(r, scene_toml=toml))  # the judge knows one scene alone
