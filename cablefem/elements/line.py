@@ -34,6 +34,11 @@ Fields = dict[str, Array]  # data of the forms
 DEGREE = 4
 ORDER = 12  # of quadrature
 SOFTEST = 5.0  # first EA over H
+STAGE = 0.25  # change of softness
+SMALL_STAGE = 0.03  # close to the smallest force of a pulley the rest moves far as the rope stiffens
+HEAVIER = 0.25  # share of its force that the softest rope needs more at a pulley: it sags off it earlier
+ROUGH = 1e-3  # last step over the reach, for a soft rope
+LAST = 1e-9  # last step over the reach
 SLACK = 0.1  # smallest tension of the tangent, over that of the guess
 
 
@@ -102,7 +107,7 @@ class _LineBatch:
         self._set_stations_and_mesh()
         self._set_rope_data()
         self._set_unknowns()
-        self._set_loads_springs_and_conditions()
+        self._set_springs_and_conditions()
         self._set_first_guess([start for _, start in starts])
 
     def _set_stations_and_mesh(self) -> None:
@@ -164,30 +169,37 @@ class _LineBatch:
         of_stations = np.repeat(self.owner, 3)[free.ravel()]
         self.case_of = np.concatenate([of_stations, of_nodes[inner]])
 
-    def _set_loads_springs_and_conditions(self) -> None:
-        """Set constant loads, springs, special rows, and B without these."""
+    def _set_loads(self, softness: Array) -> None:
+        """Set constant loads and prescribed tensions; those of a pulley are larger where the rope is soft."""
+        factor = (1.0 + HEAVIER * softness)[self.owner]
         self.load = np.zeros(self.size)
-        self.spring = np.zeros(self.size)
         for k, p in enumerate(self.stations):
             case = self.cases[self.owner[k]]
             _, row, slides = self.number[k]
             if p.kind == "counterweight":
-                stretching = p.force + p.force**2 / (2.0 * case.EA)
+                force = float(factor[k]) * p.force
+                stretching = force + force**2 / (2.0 * case.EA)
                 energy = case.thermal_stretch * stretching + case.weight * p.y
                 self.load[slides] = energy if self.ahead[k, 0] < 0 else -energy
             elif p.stiffness is not None:
-                point = self.number[k, :2]
-                self.spring[point] = p.stiffness
-                self.load[point] = -np.array(p.stiffness) * (p.x, p.y)
+                self.load[self.number[k, :2]] = -np.array(p.stiffness) * (p.x, p.y)
             elif p.kind == "grips":
                 self.load[row] = -p.force
+        self.targets = np.where(self.kinds == "tied", factor[self.at], 1.0) * self.prescribed_targets
+
+    def _set_springs_and_conditions(self) -> None:
+        """Set springs, special rows, and B without these."""
+        self.spring = np.zeros(self.size)
+        for k, p in enumerate(self.stations):
+            if p.stiffness is not None:
+                self.spring[self.number[k, :2]] = p.stiffness
         special = [*self._car_conditions(), *self._tension_conditions()]
         self.rows = np.array([x.unknown for x in special], int)
-        at = np.array([x.station for x in special], int)
+        self.at = np.array([x.station for x in special], int)
         self.kinds = np.array([x.kind for x in special])
-        self.targets = np.array([x.target for x in special])
-        behind = self.behind[at, :2]
-        ahead = self.ahead[at, :2]
+        self.prescribed_targets = np.array([x.target for x in special])
+        behind = self.behind[self.at, :2]
+        ahead = self.ahead[self.at, :2]
         self.ends = np.concatenate([behind, ahead], axis=1)
         plain = np.ones(self.size)
         plain[self.rows] = 0.0
@@ -258,8 +270,8 @@ class _LineBatch:
         free = self.number >= 0
         self.X[self.number[free]] = stations[free]
 
-    def form_data(self, X: Array, softness: float) -> Fields:
-        """Data of the forms; softness 0 is EA, 1 is SOFTEST times the tension.
+    def form_data(self, X: Array, softness: Array) -> Fields:
+        """Data of the forms; softness (cases,) 0 is EA, 1 is SOFTEST times the tension.
 
         The soft law N = N_ref + EA_soft (lam - lam_ref) keeps the length of the rope.
         """
@@ -270,7 +282,8 @@ class _LineBatch:
         length = np.hypot(*slope)
         lam = length / (self.a * h)
         soft = np.minimum(self.EA, SOFTEST * self.N_ref)
-        EA = self.EA ** (1.0 - softness) * soft**softness
+        exponent = np.repeat(softness[self.owner[self.left]], self.elements)[:, None]
+        EA = self.EA ** (1.0 - exponent) * soft**exponent
         more = lam - 1.0 - self.N_ref / self.EA
         N = self.N_ref + EA * more
         W = 0.5 * self.N_ref**2 / self.EA + self.N_ref * more + 0.5 * EA * more**2
@@ -315,25 +328,38 @@ class _LineBatch:
     def residual_norm_per_case(self, R: Array) -> Array:
         return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
 
-    def solve(self) -> list[LineState | NoLineAtRest]:
+    def solve(self, smallest_stage: float) -> list[LineState | NoLineAtRest]:
         """Each case at rest; LineNotConverged where the residual of a case falls no further.
 
+        From stages where it does not, a case goes back and takes half of them, down to the smallest one.
         Raises LineNotConverged if a singular case spoils the step of all, or if there are too many steps.
         """
-        stuck = np.zeros(len(self.cases), bool)
-        stages = 4  # of EA up to its value
-        rough = 1e-2  # last step over the reach, for a soft rope
-        last = 1e-9  # last step over the reach
-        for i in range(stages, -1, -1):
-            self._iterate_newton(i / stages, rough if i else last, stuck)
-        self._iterate_newton(0.0, last, stuck)  # one step more: what the last one leaves may exceed a bar
+        softness = np.ones(len(self.cases))
+        stage = np.full(len(self.cases), STAGE)
+        failed = np.zeros(len(self.cases), bool)
+        self._iterate_newton(softness, ROUGH, failed)
+        while (soft := ~failed & (softness > 0.0)).any():
+            X = self.X
+            harder = np.where(soft, np.maximum(softness - stage, 0.0), softness)
+            stuck = ~soft
+            self._iterate_newton(harder, ROUGH if (harder[soft] > 0.0).all() else LAST, stuck)
+            back = stuck & soft
+            self.X = np.where(back[self.case_of], X, self.X)
+            softness = np.where(back, softness, harder)
+            stage[back] *= 0.5
+            failed |= stage < smallest_stage
+        self._iterate_newton(softness, LAST, failed)  # one step more: what the last one leaves may exceed a bar
         solved: list[LineState | NoLineAtRest] = [*self._states()]
-        for i in np.flatnonzero(stuck).tolist():
+        for i in np.flatnonzero(failed).tolist():
             solved[i] = LineNotConverged("no state of rest was found")
         return solved
 
-    def _iterate_newton(self, softness: float, tolerance: float, stuck: NDArray[np.bool_]) -> None:
-        """Set X by Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,)."""
+    def _iterate_newton(self, softness: Array, tolerance: float, stuck: NDArray[np.bool_]) -> None:
+        """Set X by Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,).
+
+        softness : see `form_data`.  tolerance : of the last step, over the reach.
+        """
+        self._set_loads(softness)
         fields = self.form_data(self.X, softness)
         R, slope = self.residual_and_condition_slopes(self.X, fields)
         near = 1e-6  # residual over H for undamped steps
@@ -366,7 +392,7 @@ class _LineBatch:
         free = self.number >= 0
         stations = self.prescribed.copy()  # x, y and s
         stations[free] = self.X[self.number[free]]
-        fields = self.form_data(self.X, 0.0)
+        fields = self.form_data(self.X, np.zeros(len(self.cases)))
         z = np.append(self.energy_gradient(fields), np.nan)  # last: no piece
         behind = z[self.behind[:, :2]]
         ahead = -z[self.ahead[:, :2]]
@@ -387,23 +413,32 @@ class _LineBatch:
 def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLineAtRest]:
     """Each case at rest with an even number of elements on each piece.
 
-    If the equations of a case are singular, both halves are solved apart.
+    Cases without a rest in the usual stages are solved again in smaller ones.
     """
     starts = [first_guess(case) for case in cases]
     carried = [(case, x) for case, x in zip(cases, starts, strict=True) if isinstance(x, Start)]
-    solved = iter(_solve_with_guesses(carried, elements) if carried else [])
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", MatrixRankWarning)
+        states = _solve_with_guesses(carried, elements, STAGE)
+        unsolved = [i for i, x in enumerate(states) if isinstance(x, NoLineAtRest)]
+        again = _solve_with_guesses([carried[i] for i in unsolved], elements, SMALL_STAGE)
+    for i, x in zip(unsolved, again, strict=True):
+        states[i] = x
+    solved = iter(states)
     return [next(solved) if isinstance(x, Start) else x for x in starts]
 
 
-def _solve_with_guesses(cases: Sequence[tuple[Case, Start]], elements: int) -> list[LineState | NoLineAtRest]:
-    """The same with a first guess of each case."""
+def _solve_with_guesses(
+    cases: Sequence[tuple[Case, Start]], elements: int, smallest_stage: float
+) -> list[LineState | NoLineAtRest]:
+    """The same with a first guess of each case; if the equations of a case are singular, both halves apart."""
+    if not cases:
+        return []
     try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore", MatrixRankWarning)
-            return _LineBatch(cases, elements).solve()
+        return _LineBatch(cases, elements).solve(smallest_stage)
     except NoLineAtRest as error:
         half = len(cases) // 2
         if not half:
             return [error]
-        first = _solve_with_guesses(cases[:half], elements)
-        return first + _solve_with_guesses(cases[half:], elements)
+        first = _solve_with_guesses(cases[:half], elements, smallest_stage)
+        return first + _solve_with_guesses(cases[half:], elements, smallest_stage)

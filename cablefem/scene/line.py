@@ -288,7 +288,7 @@ def needed_counterweight_text(cases: Sequence[Case], solve: Solver) -> str:
             high *= 2.0
             if high > case.EA:
                 return ""
-        smallest = bisect_zero(lambda force: 0.5 - len(without_rest(force, [case])), force, high, 0.01 * force)  # noqa: B023
+        smallest = bisect_zero(lambda force: 0.5 - len(without_rest(force, [case])), force, high, 0.008 * force)  # noqa: B023
         force = float(f"{1.006 * smallest:.3g}")  # not rounded down
     return f"; {weight.name} must hold it with at least {force:.6g} N" if force > weight.force else ""
 
