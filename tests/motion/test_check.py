@@ -420,6 +420,14 @@ def test_files_and_numbers_hold_swing_pitch_and_wheel_loads(tmp_path):
         (tmp_path / file).write_text(text)
 
 
+def test_a_grip_that_is_written_out_is_read_back_as_one_that_is_not(tmp_path):
+    """Its forces are means of means; rows of a check called them other than computed."""
+    line = Line.from_toml(EVERYTHING.replace('name = "up"', 'name = "up"\ndrive = {mode = "grip"}'))
+    result = motion_answers(line, LineRuns(ELEMENTS, line).ladder(1, 1), None)
+    result.write(tmp_path, 0.0)
+    assert not faults_of_line_files(tmp_path, result.motion, result.design, result.moved.period)
+
+
 def test_a_thrust_that_ends_does_no_work_at_its_last_time():
     """The law's sampling had half a step of it too much."""
     line = Line.from_toml(BODIES.replace("times = [0.0, 9.0]", "times = [0.0, 1.0]"))

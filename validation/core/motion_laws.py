@@ -38,7 +38,6 @@ from validation.core.scene_data import (
 from validation.core.timetable import Timetable
 
 WINDOWS = 12
-LAST_OF_ONE_SPAN = 2  # contacts: on a line of more a hauled car has its timetable in x
 BRAKE_EVENTS = ("brakes", "leaves a brake")
 # kinds of design numbers, and their columns of a car's file
 COLUMN_OF_QUANTITY = {
@@ -70,6 +69,10 @@ class LineTables(LineData):
         for car in self.cars.values():
             for brake in car.get("drive", {}).get("brake", []):
                 brake["from"] *= self.heat
+
+    def drive_mode(self, car: str) -> str:
+        """How the car of this name is driven: grip, haul or free."""
+        return str(self.cars[car].get("drive", {}).get("mode", "grip"))
 
     @property
     def counterweights(self) -> list[Counterweight]:
@@ -360,7 +363,7 @@ def timetable_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
         travel = line.cars[car.name].get("travel")
         if travel is None:
             continue
-        in_x = line.cars[car.name].get("drive", {}).get("mode") == "haul" and len(line.contacts) > LAST_OF_ONE_SPAN
+        in_x = line.drive_mode(car.name) == "haul" and len(line.contacts) > 2  # of several spans
         positions = (car.point[:, 0] if in_x else car.s / line.heat)[steps]
         begin = travel.get("from", 0.0)
         if travel["kind"] == "table":
@@ -403,7 +406,7 @@ def brake_place_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
 def _any_free_car_sticks(line: LineTables, motion: Any) -> bool:
     """Whether friction holds a free car for a while."""
     for car in motion.cars:
-        free = line.cars[car.name].get("drive", {}).get("mode") == "free"
+        free = line.drive_mode(car.name) == "free"
         stands = car.ds == 0.0
         if free and np.any(stands[:-1] & stands[1:]):
             return True
@@ -520,7 +523,7 @@ class _LineFiles:
             values = self.line.data["cable"]["breaking_load"] / self._averaged_series("tension")
         else:
             values = self._averaged_series(f"{name}:{of}" if of else name)
-        if name in ("grip", "contact") and "drive" not in self.line.cars[of]:
+        if name in ("grip", "contact") and self.line.drive_mode(of) == "grip":
             values = self._moving_means(values)  # a car that grips rings: means of means
         now = self.t == self.t[np.argmin(np.abs(self.t - number["t"]))]
         pick = np.max if word == "max" else np.min

@@ -91,7 +91,7 @@ def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str |
     content["stressed"] = any(d["quantity"].startswith("stress") for d in design)
     content["over"] = list(_figures_over_time(line, contacts, paths))
     content["means"] = line_averaging_time_sentence(summary["round_trip"])
-    content["grips"] = GRIPS if any(car.drive is None for car in line.car) else ""
+    content["grips"] = GRIPS if any(car.mode == "grip" for car in line.car) else ""
     content["compared"] = [row for row in compared if row not in laws]
     content["laws"] = laws
     content["as_read"] = line_inputs_html(toml)

@@ -472,7 +472,7 @@ class MotionAnswers(LineAnswers):
 
     def _kind_of_ride_that_ends_by(self, event: str) -> str:
         """The kind of outcome of an event at the end: of one free car as on one span, else "ends"."""
-        if len(self.cars) > 1 or self.line.car[0].drive is None:
+        if len(self.cars) > 1 or self.line.car[0].mode == "grip":
             return "ends"
         car = self.cars[0]
         left, right = self.line.contact[0], self.line.contact[-1]
