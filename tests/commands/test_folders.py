@@ -1,5 +1,6 @@
 """Where results go, and what is refused."""
 
+import csv
 import fcntl
 import os
 from functools import cache
@@ -13,6 +14,7 @@ from tests.commands.calls import QUICK, fault_lines, file_contents
 from validation.commands.modes import study
 from validation.commands.run import study as run_study
 from validation.core import store
+from validation.page.answer import many
 
 LEVEL = Scene.load("level")
 FOURIER = ("--method", "fourier", "--set", "terms=4", "--set", "steps=40", "--no-bars")
@@ -141,6 +143,28 @@ def test_an_interrupted_result_is_taken_up_again(cablefem, monkeypatch):
     assert code == 130
     assert fault_lines(err) == ["interrupted; files that were written are whole, and the command can be given again"]
     assert cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")[0] == 0
+
+
+def test_an_interrupted_grid_keeps_what_was_computed(cablefem, tmp_path, monkeypatch):
+    """Hours of checks were lost."""
+
+    def interrupted(work, items, on_result):
+        for i in (2, 0):  # processes answer in any order
+            on_result(i, work(items[i]))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(many, "map_in_parallel", interrupted)
+    grid = ("--model", "quasi-static", "--set", "mass.mass=60:100:5")
+    code, out, err = cablefem("run", "zipline", *grid, "--out", "x")
+    assert code == 130
+    assert fault_lines(err) == [
+        "interrupted; 2 of 5 scenes were computed and are written; the same command begins again"
+    ]
+    with (tmp_path / "x/grid/table.csv").open() as table:
+        rows = list(csv.DictReader(table))
+    assert [row["mass.mass"] for row in rows] == ["60.0", "80.0"]
+    assert all(row["outcome"] in out for row in rows)
+    assert "2 of 2" in (tmp_path / "x/report.html").read_text()
 
 
 @pytest.mark.parametrize(

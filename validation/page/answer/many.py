@@ -118,16 +118,17 @@ def answer_and_store_grid(
 ) -> list[Row]:  # fmt: skip
     """Answer every point of a grid by a row and its path; store, draw, print and return the rows.
 
-    Writes table.csv, grid.json and scene.toml to `subfolder` of the command's results.
+    Writes table.csv, grid.json and scene.toml to `subfolder` of the command's results.  Raises KeyboardInterrupt after
+    that where Ctrl-C left points out.
     """
     keys = {key: _key_with_unit(type(scene), key) for key in points[0].values}
     folder = store.claim_and_clear_folder(out, command, scene, [subfolder])
     answers = _answer_in_parallel(points, answer_point)
     rows = []
-    for point, (row, _) in zip(points, answers, strict=True):
-        values = {key: store.nulls_for_nonfinite(value) for key, value in point.values.items()}
+    for i, (row, _) in answers.items():
+        values = {key: store.nulls_for_nonfinite(value) for key, value in points[i].values.items()}
         rows.append(values | row)
-    grid = StoredGrid(keys, rows, [path for _, path in answers])
+    grid = StoredGrid(keys, rows, [path for _, path in answers.values()])
     home = folder / subfolder
     write_csv_rows(home / "table.csv", rows)
     write_json(home / "grid.json", grid._asdict())
@@ -135,6 +136,10 @@ def answer_and_store_grid(
     report.write_report_and_finish(folder, command)
     _print_grid_table(rows, table_columns(rows, keys))
     terminal.print_text(f"  written to {folder}: report.html, {subfolder}/table.csv")
+    if len(rows) < len(points):
+        raise KeyboardInterrupt(
+            f"{len(rows)} of {len(points)} scenes were computed and are written; the same command begins again"
+        )
     return rows
 
 
@@ -150,8 +155,8 @@ def key_columns(keys: Mapping[str, str]) -> Columns:
     return {key: Column(head, spec=".10g") for key, head in keys.items()}
 
 
-def _answer_in_parallel(points: Sequence[GridPoint], answer_point: AnswerPoint) -> list[tuple[Row, Any]]:
-    """Answers in the order of the points, with a bar of progress."""
+def _answer_in_parallel(points: Sequence[GridPoint], answer_point: AnswerPoint) -> dict[int, tuple[Row, Any]]:
+    """Answers by the number of the point, with a bar of progress; after Ctrl-C those that there are, if any."""
     answers: dict[int, tuple[Row, Any]] = {}
     many = 50  # scenes: of more the number is said before they start
     if len(points) > many:
@@ -162,8 +167,12 @@ def _answer_in_parallel(points: Sequence[GridPoint], answer_point: AnswerPoint) 
             answers[i] = answer
             progress("grid", len(answers) / len(points))
 
-        map_in_parallel(answer_point, points, on_result)
-    return [answers[i] for i in range(len(points))]
+        try:
+            map_in_parallel(answer_point, points, on_result)
+        except KeyboardInterrupt:
+            if not answers:
+                raise
+    return dict(sorted(answers.items()))
 
 
 def write_csv_rows(file: Path, rows: Sequence[Row]) -> None:
