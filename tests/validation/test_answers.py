@@ -185,6 +185,19 @@ def test_the_profile_holds_every_place_of_the_car():
     assert np.ptp(flat["y_lowest"] - flat["y_rest"]) < 1e-3  # without a rider the rope stays at rest
 
 
+def test_the_profile_holds_the_way_to_a_turn_of_the_car():
+    """The last step before a turn was left out: a sound check read back a profile that was "not what was computed"."""
+    there_and_back = {
+        "t": np.arange(4.0),
+        "x": np.array([0.0, 200.0, 390.0, 210.0]),
+        "y": np.array([0.0, 60.0, 80.0, 0.0]),
+    }
+    p = answers.profile_columns(dataclasses.replace(quasi_static(scene_with_changes()), **there_and_back))
+    on_the_way = (p["x"] > 200.0) & (p["x"] < 390.0)
+    way = np.interp(p["x"][on_the_way], there_and_back["x"][:3], there_and_back["y"][:3])
+    np.testing.assert_allclose(p["y_lowest"][on_the_way], way, rtol=1e-12, atol=0.0)
+
+
 def test_a_clearance_of_what_is_never_passed_is_null(tmp_path):
     """The command ended in a trace where a rider stopped before the tree."""
     scene = Scene.load("rollback").replace({"obstacle": [{"name": "tree", "at": 299.0, "top": 30.0}]})

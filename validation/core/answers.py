@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -228,7 +229,7 @@ def _path_pieces_sorted_in_x(r: Response, end_time: float) -> Iterator[tuple[Arr
     y = r.y[r.t <= end_time]
     directions = np.sign(np.diff(x))
     turns = np.flatnonzero(np.diff(directions) != 0) + 1
-    for x_piece, y_piece in zip(np.split(x, turns), np.split(y, turns), strict=True):
-        if x_piece.size > 1:
-            rising = x_piece[-1] > x_piece[0]
-            yield (x_piece, y_piece) if rising else (x_piece[::-1], y_piece[::-1])
+    for i, j in pairwise([0, *turns, x.size - 1]):  # both pieces have the turn
+        x_piece, y_piece = x[i : j + 1], y[i : j + 1]
+        rising = x_piece[-1] > x_piece[0]
+        yield (x_piece, y_piece) if rising else (x_piece[::-1], y_piece[::-1])
