@@ -209,6 +209,25 @@ def test_a_row_holds_the_run(tmp_path):
     assert stored["max_deflection"] == row["max_deflection"]
 
 
+def test_a_row_holds_all_design_numbers_and_the_clearance_of_the_nearest_obstacle(tmp_path):
+    """A study of riders over trees told neither clearance nor safety factor."""
+    trees = {"obstacle": [{"name": "oak", "at": 40.0, "top": 30.0}, {"name": "fir", "at": 20.0, "top": 12.0}]}
+    scene = Scene.load("zipline").replace({"cable.breaking_load": 90e3, "drive.end.place": 50.0} | trees)
+    study = Study.from_table(
+        {"scene": scene, "method": "following-p2", "settings": {"steps": 100}, "vary": {"mass.mass": [70.0, 90.0]}}
+    )
+    rows = [job.row_of_point(study, i, study.point(i)) for i in range(2)]
+    engine.write_rows(tmp_path, study, rows)
+    (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
+    stored = engine.read_rows(tmp_path).loc[0]
+    assert stored["safety_factor_min"] == pytest.approx(90e3 / stored["tension_max"], rel=1e-12)
+    assert stored["safety_factor_min_bar"] > 0.0
+    s_o = np.linspace(0.0, 40.0, 2001)
+    over_fir = 12.0 - np.interp(20.0, scene.catenary.x(s_o), scene.catenary.y(s_o))
+    assert 0.0 < over_fir - stored["clearance_rope_min"] < 2.0  # the car presses the rope down
+    assert stored["clearance_car_min"] <= stored["clearance_rope_min"]
+
+
 def test_an_axis_takes_numbers_words_and_tables_side_by_side(tmp_path):
     """A percentage or a table beside a number broke the sweep after its scenes were computed."""
     axes = {"mass.mass": [1000, "+10%"], "cable.damping": [0.0, 0.1], "travel.kind": ["constant_speed"]}
@@ -447,6 +466,21 @@ def test_the_command_line_lists_studies_and_prints_scenes(capsys, tmp_path):
     (tmp_path / "study.toml").touch()
     assert cli.main(["sweep", "throughput", "--out", str(tmp_path)]) == 2
     assert "holds study.toml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("study", "index", "command"),
+    [
+        ("throughput", 3, "run SCENE.toml --method following-p2 --tol 0.01"),
+        ("power", 60, "check SCENE.toml --tol 0.001 --second-set mass.mass=+1%"),
+        ("reliability", 0, "run SCENE.toml --method following-p4 --set elements=8 --set steps=120"),
+    ],
+)
+def test_a_printed_scene_says_the_command_that_answers_it(cablefem, study, index, command):
+    """The planted fault and the settings were left out: what the row holds could not be found again."""
+    code, out, _ = cablefem("sweep", study, "--scene", str(index))
+    assert code == 0
+    assert out.splitlines()[0] == f"# scene {index} of {study}: cablefem {command}"
 
 
 def test_every_key_of_a_study_is_printed_with_a_meaning(cablefem):

@@ -73,11 +73,27 @@ def _print_keys() -> int:
 
 
 def _print_scene(study: Study, index: int) -> None:
-    """Print the TOML of a scene of a study, after a line with its job and options."""
+    """Print the TOML of a scene of a study, after the command that answers it alone."""
     point = study.point(index)
-    how = " ".join(f"{key}={value}" for key, value in study.run_options(point).items())
-    print(f"# scene {index} of {study.name}: {study.job} {how}")
-    print(study.scene_at(point).to_toml(), end="")
+    toml = study.scene_at(point).to_toml()
+    print(f"# scene {index} of {study.name}: cablefem {_command_of_point(study, point)}")
+    print(toml, end="")
+
+
+def _command_of_point(study: Study, point: dict[str, Any]) -> str:
+    """The command, with its options, that does the job of a study on one scene."""
+    from validation.core.methods import find_method
+
+    given = study.run_options(point)
+    words = ["check" if study.job == "power" else study.job, "SCENE.toml"]
+    words += [f"--{name} {value}" for name, value in given.items()]
+    if study.job == "power":
+        _, fault = study.scene_and_fault_key(point)
+        words += [] if fault is None else [f"--second-set {fault}=+1%"]
+    elif "method" in given:
+        known = find_method(given["method"]).all_settings
+        words += [f"--set {name}={value}" for name, value in study.settings.items() if name in known]
+    return " ".join(words)
 
 
 def _print_outcomes(rows: Any) -> int:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from validation.commands.sweep.study import Point, Study
 from validation.core import store
+from validation.core.quantities import KNOWN
 
 if TYPE_CHECKING:
     from cablefem.response import Response
@@ -30,7 +31,7 @@ FRESH = 120.0  # [s] more for a new process, which may load and compile
 LARGEST_TRUTH = 2e6  # steps times elements of a reference
 COLUMNS = store.read_packaged_toml(__package__, "columns.toml")
 GROUPS = COLUMNS["groups"]
-DESIGN = COLUMNS["design"]
+DESIGN = [name for name in KNOWN if name not in COLUMNS["numbers"]]
 
 
 class CutOff(BaseException):
@@ -266,9 +267,9 @@ def _response_columns(r: Response, scene: Scene) -> Row:
     end = outcome_of_run(scene, r)
     out |= {"outcome": end.sentence, "outcome_kind": end.kind}
     out |= limits.worst_limit_columns(limits.limit_rows(scene, r.design, r.events))
-    for number in r.design:
-        name = number["quantity"]
-        if name in DESIGN:
-            out[name] = number["value"]
-            out[f"{name}_bar"] = number["bar"]
+    known = [number for number in r.design if number["value"] is not None]
+    for number in sorted(known, key=lambda number: float(number["value"]), reverse=True):
+        name = number["quantity"].partition(":")[0]  # of several obstacles the least clearance stays
+        out[name] = number["value"]
+        out[f"{name}_bar"] = number["bar"]
     return out

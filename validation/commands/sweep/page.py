@@ -18,16 +18,19 @@ from pandas import DataFrame, qcut
 from cablefem.scene import Scene
 from cablefem.scene.keys import list_keys
 from validation.commands.sweep.engine import read_rows
-from validation.commands.sweep.job import BROKEN, DESIGN
+from validation.commands.sweep.job import BROKEN
 from validation.commands.sweep.study import Study
 from validation.core import store
-from validation.core.quantities import KNOWN, factor_and_prefixed_unit, quantity_words, unit_of
+from validation.core.quantities import KNOWN, TEXTS, factor_and_prefixed_unit, quantity_words, unit_of
 from validation.page.answer.many import ENDS
 from validation.page.figures import captioned_figure, figure_with_axes
 from validation.page.page import Section, html_table, number_text, percent_text, render_sections
 from validation.page.plot import COLORS
 
-MAPS = ("tension_max", "speed_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
+MAPS = (
+    "clearance_rope_min", "clearance_car_min", "tension_max", "safety_factor_min", "speed_max", "mass_deepest",
+    "contact_min", "haul_force_max", "max_deflection", "path_error",
+)  # fmt: skip
 
 
 def sections(folder: Path) -> list[Section]:
@@ -156,7 +159,7 @@ def _draw_map(rows: DataFrame, quantity: str, axes: list[str], log_axes: set[str
     """Draw a quantity over the first two axes, or over the only one; a third axis is cut into parts."""
     factor, unit = factor_and_prefixed_unit(rows[quantity].to_numpy(float), unit_of(quantity))
     rows = rows.assign(**{quantity: factor * rows[quantity]})
-    words = quantity_words(quantity)
+    words = quantity_words(f"{quantity}:obstacles and ground")  # the name of one, where it has one
     name = f"{words} [{unit or '–'}]"
     x, y = (*axes, quantity)[:2]
     parts = [("", rows)]
@@ -196,7 +199,19 @@ def _split_by_axis(rows: DataFrame, axis: str) -> list[tuple[str, DataFrame]]:
 
 def _explorer_data(study: Study, file: Path, rows: DataFrame) -> dict[str, Any]:
     """What explorer.js shows: curves of scenes across their axes, and a table with the command of each."""
-    names = [*study.axes, *DESIGN, "max_deflection", "path_error", "seconds", "status", "verdict", "method"]
+    names = [
+        *study.axes,
+        *TEXTS["main"],
+        "tension_min",
+        "contact_min",
+        "slack_onset",
+        "max_deflection",
+        "path_error",
+        "seconds",
+        "status",
+        "verdict",
+        "method",
+    ]
     log_axes = _logarithmic_axes(study)
     columns = []
     for name in dict.fromkeys(names):
