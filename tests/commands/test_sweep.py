@@ -23,6 +23,7 @@ from cablefem.scene import Scene, SceneError
 from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
 from validation import cli, run
+from validation.commands.sweep import command as sweep_command
 from validation.commands.sweep import engine, job
 from validation.commands.sweep.page import _split_by_axis, sections
 from validation.commands.sweep.study import Study, built_in_studies
@@ -481,6 +482,26 @@ def test_a_printed_scene_says_the_command_that_answers_it(cablefem, study, index
     code, out, _ = cablefem("sweep", study, "--scene", str(index))
     assert code == 0
     assert out.splitlines()[0] == f"# scene {index} of {study}: cablefem {command}"
+
+
+@pytest.mark.parametrize(
+    ("rows", "checked", "code", "said"),
+    [
+        ([("complete", "agree", None)], True, 0, "1 agree"),
+        ([("complete", "agree", None), ("complete", "disagree", None)], True, 1, "1 agree, 1 disagree"),
+        ([("complete", "agree", "none"), ("complete", "disagree", "EA +1 %")], True, 0, "planted fault: 1 disagree"),
+        ([("complete", "disagree", "none")], True, 1, "1 disagree"),
+        ([("complete", "too coarse", None)], False, 0, "1 too coarse"),
+        ([("refused", None, None)], False, 2, "scene 0, refused: mass.mass = -1"),
+        ([("complete", None, None), ("refused", None, None)], False, 0, "1 complete, 1 refused"),
+        ([("failed", None, None)], False, 1, "scene 0, failed: mass.mass = -1"),
+    ],
+)
+def test_a_sweep_says_its_verdicts_and_ends_with_them(capsys, rows, checked, code, said):
+    """A study whose solvers disagreed, or whose scenes were all refused, ended with 0."""
+    table = DataFrame(rows, columns=["status", "verdict", "fault"]).assign(reason="mass.mass = -1")
+    assert sweep_command._print_outcomes(table, checked=checked) == code
+    assert said in capsys.readouterr().out
 
 
 def test_every_key_of_a_study_is_printed_with_a_meaning(cablefem):

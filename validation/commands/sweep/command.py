@@ -58,7 +58,7 @@ def command(
     writes = [*engine.WRITES, *(["rows.csv"] if csv else [])]
     tally, rows = options.run_and_report_study("sweep", loaded.name, writes, out, sweep_and_read)
     terminal.print_text(f"{tally.status.total()} scenes in this call, {tally.scenes_per_second:.3g} per second")
-    return _print_outcomes(rows)
+    return _print_outcomes(rows, checked=loaded.job in ("check", "power"))
 
 
 def _print_keys() -> int:
@@ -96,10 +96,27 @@ def _command_of_point(study: Study, point: dict[str, Any]) -> str:
     return " ".join(words)
 
 
-def _print_outcomes(rows: Any) -> int:
-    """Print the counts of outcomes, and the first scene without an answer; return the exit code."""
-    terminal.print_text(", ".join(f"{n} {status}" for status, n in rows["status"].value_counts().items()))
+def _print_outcomes(rows: Any, *, checked: bool) -> int:
+    """Print the counts of outcomes and verdicts, and the first scene without an answer; return the exit code.
+
+    checked : by two solvers.  1 for a scene without an answer, or where they do not agree on a sound one; 2 where all
+    scenes are refused.
+    """
+    terminal.print_text(_counts(rows["status"]))
+    sound = rows["fault"].isna() | (rows["fault"] == "none")
+    for part, words in ((rows[sound], ""), (rows[~sound], "with a planted fault: ")):
+        if part["verdict"].notna().any():
+            terminal.print_text(f"{words}{_counts(part['verdict'])}")
     unanswered = rows[~rows["status"].isin(("complete", "incomplete"))]
     for index, first in unanswered.head(1).iterrows():
         terminal.print_text(f"scene {index}, {first['status']}: {first['reason'].splitlines()[-1]}")
-    return int(unanswered["status"].ne("refused").any())
+    refused = rows["status"] == "refused"
+    if refused.all():
+        return 2
+    differ = checked and (sound & rows["verdict"].notna() & (rows["verdict"] != "agree")).any()
+    return int((unanswered["status"] != "refused").any() or differ)
+
+
+def _counts(words: Any) -> str:
+    """How often each word occurs, most frequent first."""
+    return ", ".join(f"{n} {word}" for word, n in words.value_counts().items())
