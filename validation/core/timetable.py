@@ -8,8 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from cablefem.response import Array
-from validation.core.scene_data import ROUNDING
+from validation.core.scene_data import ROUNDING, Array
 
 Stretches = list[tuple[float, float, float]]  # duration [s], initial acceleration [m/s2], jerk [m/s3]
 
