@@ -243,6 +243,19 @@ def test_an_axis_takes_numbers_words_and_tables_side_by_side(tmp_path):
     assert set(stored["travel.kind"]) == {"constant_speed"}
 
 
+def test_rows_of_a_version_with_fewer_results_are_read_beside_ours(tmp_path, monkeypatch):
+    """A sweep begun before an upgrade broke at its end."""
+    study = study_of_count(2)
+    rows = [{"index": i, **study.point(i), "status": "complete", "speed_max": 3.0} for i in range(2)]
+    with monkeypatch.context() as before:
+        before.setattr(job, "DESIGN", ["tension_max"])
+        engine.write_rows(tmp_path, study, rows[:1])
+    for _ in range(2):
+        stored = engine.read_rows(tmp_path)
+        assert stored["speed_max"].tolist() == pytest.approx([math.nan, 3.0][: len(stored)], nan_ok=True)
+        engine.write_rows(tmp_path, study, rows[1:])
+
+
 def test_a_damaged_file_of_rows_is_named_and_other_files_beside_rows_are_left_alone(tmp_path):
     folder = tmp_path / "mu=3"  # as others name parts of Parquet
     study = study_of_count(2)
@@ -251,7 +264,7 @@ def test_a_damaged_file_of_rows_is_named_and_other_files_beside_rows_are_left_al
     (folder / "rows" / "notes.txt").write_text("mine")
     assert engine.read_rows(folder)["mu"].tolist() == [study.point(i)["mu"] for i in range(2)]
     (folder / "rows" / "00000001-1.parquet").write_bytes(b"")
-    with pytest.raises(Refused, match=r"rows/00000001-1\.parquet.* delete this file, and the same command"):
+    with pytest.raises(Refused, match=r"rows/00000001-1\.parquet: damaged.* delete it, and the same command"):
         engine.finished_indices(folder)
 
 

@@ -188,10 +188,17 @@ def _parquet_schema(study: Study) -> "Schema":
     import pyarrow as pa
 
     inputs = {name: pa.float64() if axis.numeric else pa.string() for name, axis in study.axes.items()}
-    results = dict.fromkeys(job.COLUMNS["words"], pa.string()) | dict.fromkeys(job.COLUMNS["counts"], pa.int64())
+    return pa.schema({"index": pa.int64()} | inputs | _result_types() | inputs)
+
+
+def _result_types() -> dict[str, Any]:
+    """The pyarrow type of each result by its name."""
+    import pyarrow as pa
+
+    words = dict.fromkeys(job.COLUMNS["words"], pa.string())
+    counts = dict.fromkeys(job.COLUMNS["counts"], pa.int64())
     design = [name for quantity in job.DESIGN for name in (quantity, f"{quantity}_bar")]
-    results |= dict.fromkeys([*job.GROUPS, *design, *job.COLUMNS["numbers"]], pa.float64())
-    return pa.schema({"index": pa.int64()} | inputs | results | inputs)
+    return words | counts | dict.fromkeys([*job.GROUPS, *design, *job.COLUMNS["numbers"]], pa.float64())
 
 
 def _text_of_value(value: Any) -> str:
@@ -202,19 +209,23 @@ def _text_of_value(value: Any) -> str:
 def read_rows(out: Path, *columns: str) -> "DataFrame":
     """All rows as a pandas.DataFrame, by index; with these columns, if some are named.
 
-    Raises Refused for a file that cannot be read, as after a loss of power.
+    Results that another version did not store are empty.  Raises Refused for a file that cannot be read, as after a
+    loss of power.
     """
-    import pandas
-    from pyarrow import ArrowInvalid
+    import pyarrow
+    from pyarrow import parquet
 
-    names = ["index", *columns] if columns else None
-    files = sorted((out / "rows").glob("*.parquet"))
-    try:
-        rows = pandas.read_parquet(files, columns=names, partitioning=None)  # a folder may be named mass=80
-    except ArrowInvalid as error:
-        what_to_do = "delete this file, and the same command computes its scenes again"
-        raise Refused(f"{str(error).splitlines()[0]}; {what_to_do}") from None
-    return rows.set_index("index").sort_index()
+    tables = []
+    for file in sorted((out / "rows").glob("*.parquet")):
+        try:
+            names = ["index", *columns] if columns else None
+            tables.append(parquet.read_table(file, columns=names, partitioning=None))  # a folder may be named mass=80
+        except pyarrow.ArrowInvalid:
+            what_to_do = "delete it, and the same command computes its scenes again"
+            raise Refused(f"{file}: damaged, or no Parquet file; {what_to_do}") from None
+    rows = pyarrow.concat_tables(tables, promote_options="default").to_pandas()
+    missing = [] if columns else [name for name in _result_types() if name not in rows]
+    return rows.reindex(columns=[*rows, *missing]).set_index("index").sort_index()
 
 
 def finished_indices(out: Path) -> set[int]:
