@@ -17,7 +17,7 @@ from validation.core import readback
 from validation.core.quantities import design_row_texts
 from validation.core.readback import tables
 from validation.core.readback import terminal as printed_lines
-from validation.core.scene_data import read_csv_columns
+from validation.core.stored_files import read_csv_columns
 from validation.page import terminal
 
 CHECKED = ("following-p2", "fourier-kink")

@@ -17,7 +17,7 @@ from validation.commands.check.motion import compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, motion_answers
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_rows import LineTolerance
-from validation.core.scene_data import read_csv_columns
+from validation.core.stored_files import read_csv_columns
 
 WEIGHT = 1200.0 * 9.81
 EVENTS = ["lands on the shoe of", "leaves the rope at", "takes the rope behind", "leaves the shoe of"]

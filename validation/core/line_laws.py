@@ -9,13 +9,12 @@ Of a piece of unstretched length S with the force (H, P) at its left end, P1 = P
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +23,14 @@ import numpy as np
 from cablefem.response import Array
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.readback import limit_faults, limit_table_faults, plain_text
-from validation.core.readback.stored import read_json
 from validation.core.scene_data import (
     DOWN,
     ROUNDING,
     LineData,
     conversion_factor_or_nan,
     obstacle_and_ground_profiles,
-    read_csv_columns,
 )
+from validation.core.stored_files import DamagedFileError, read_csv_columns, read_csv_rows, read_json
 
 LOWEST = -1e-6  # [m] least clearance of what touches
 ANGLES = ("knee", "knee_empty", "direction")
@@ -476,13 +474,14 @@ def printed_number_rows(
     words : how the page calls each kind of number.
     """
     printed = _PrintedLine(toml, rest, folder)
-    printed.note_summary()
-    printed.note_positions()
-    printed.note_profile()
-    printed.note_design()
-    printed.note_outcome()
-    printed.note_page(page, words)
-    printed.note_limits(page)
+    notes: list[Callable[[], None]] = [printed.note_summary, printed.note_positions, printed.note_profile]
+    notes += [printed.note_design, printed.note_outcome]
+    notes += [partial(printed.note_page, page, words), partial(printed.note_limits, page)]
+    for note in notes:
+        try:
+            note()
+        except DamagedFileError as damage:
+            printed.gaps.note_gap(damage.file.name, str(damage), math.inf)
     return list(printed.gaps.rows("printed", BoundPart("catenaries", 1.0, "allowed")))
 
 
@@ -557,8 +556,7 @@ class _PrintedLine:
 
     def note_positions(self) -> None:
         """Note the gaps of all cells of positions.csv."""
-        with (self.folder / "positions.csv").open(encoding="utf-8", newline="") as file:
-            table = list(csv.DictReader(file))
+        table = read_csv_rows(self.folder / "positions.csv")
         self.gaps.note_difference("positions.csv", "rows", len(table), len(self.rows))
         for i, (cells, row) in enumerate(zip(table, self.rows, strict=False)):
             numbers: PositionNumbers = row or {"position": i + 1}
@@ -566,7 +564,7 @@ class _PrintedLine:
                 kind, _, subject = name.partition(":")
                 where = f"{subject or 'the line'}, position {i + 1}"
                 expected = numbers.get(name)
-                cell: Any = cells.get(name) or ""
+                cell: Any = cells[name] or ""
                 if isinstance(expected, float):
                     cell = _float_or_none(cell)
                 else:
@@ -575,11 +573,7 @@ class _PrintedLine:
 
     def note_profile(self) -> None:
         """Note the gaps of profile.csv, and of the profile and the ropes drawn by ropes.json."""
-        try:
-            table = read_csv_columns(self.folder / "profile.csv")
-        except ValueError as fault:  # a cell that is no number, or rows of other lengths
-            self.gaps.note_gap("profile.csv", str(fault), math.inf)
-            return
+        table = read_csv_columns(self.folder / "profile.csv")
         drawn = read_json(self.folder / "ropes.json")
         x = table["x"]
         ropes = {i: _rope_at_position(self.data, self.rest, i) for i in self.rest.states}

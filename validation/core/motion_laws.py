@@ -32,9 +32,9 @@ from validation.core.scene_data import (
     LineData,
     min_height_over,
     obstacle_and_ground_profiles,
-    read_csv_columns,
     rope_stresses_at_wheel,
 )
+from validation.core.stored_files import Entries, damaged_files_are_faults, read_csv_columns
 from validation.core.timetable import Timetable
 
 WINDOWS = 12
@@ -445,19 +445,23 @@ def faults_of_line_files(folder: Path, motion: Any, design: Sequence[dict[str, A
 
     period : [s] over which printed forces are means.
     """
+    return list(_line_file_faults(folder, motion, design, period))
+
+
+@damaged_files_are_faults
+def _line_file_faults(folder: Path, motion: Any, design: Sequence[dict[str, Any]], period: float) -> Iterator[str]:
     files = _LineFiles(folder, motion, period)
-    faults: list[str] = []
     balance = 1e-3  # of a load by hand: elements balance a car along the rope in the mean over its segments
     for car in motion.cars:
         name = f"path-{car.name}.csv"
         path = files.paths[car.name]
-        faults += _column_faults(name, path, _expected_columns_of_car(car, motion))
-        faults += _column_faults(name, path, _wheel_loads_by_hand(files.line, car, motion), balance)
+        yield from _column_faults(name, path, _expected_columns_of_car(car, motion))
+        yield from [f"{name}: {column} is not there" for column in ("u", "v") if column not in path]
+        yield from _column_faults(name, path, _wheel_loads_by_hand(files.line, car, motion), balance)
     for contact in motion.contacts:
-        faults += _column_faults("contacts.csv", files.contacts, _expected_columns_of_contact(contact))
+        yield from _column_faults("contacts.csv", files.contacts, _expected_columns_of_contact(contact))
     for number in design:
-        faults += files.faults_of_design_number(number)
-    return faults
+        yield from files.faults_of_design_number(number)
 
 
 def _expected_columns_of_car(car: Any, motion: Any) -> dict[str, Array]:
@@ -489,6 +493,7 @@ class _LineFiles:
     """What the files of a line in motion say."""
 
     def __init__(self, folder: Path, motion: Any, period: float) -> None:
+        self.folder = folder
         self.line = LineTables((folder / "scene.toml").read_text(encoding="utf-8"))
         self.profiles = obstacle_and_ground_profiles(self.line.data)
         self.motion = motion
@@ -552,9 +557,9 @@ class _LineFiles:
         return min_height_over(profile, path["x"], path["y"]) - self.line.cars[body].get("below", 0.0)
 
     @cached_property
-    def _columns_by_quantity(self) -> dict[str, list[Array]]:
+    def _columns_by_quantity(self) -> Entries:
         """Columns by quantity; of a load its two components."""
-        columns: dict[str, list[Array]] = {"tension": []}
+        columns = Entries(self.folder, "column of", {"tension": []})
         for contact in self.motion.contacts:
             name = contact.name
             s = self.contacts[f"{name}.s"]

@@ -1,9 +1,7 @@
 """What second computations share: a scene's numbers, units of printed numbers, ice, means, and distances of curves."""
 
-import csv
 import math
 import tomllib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,16 +15,6 @@ GROUND = "the ground"  # its name beside those of obstacles
 
 PREFIXES = {"": 1.0, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
 FACTORS = {("km/h", "m/s"): 1.0 / 3.6, ("%", ""): 0.01, ("°", "deg"): 1.0}
-
-
-def read_csv_columns(file: Path) -> dict[str, Array]:
-    """Columns (n,) of a CSV of numbers; empty cells are nan.  ValueError where rows have other lengths."""
-    header, *lines = file.read_text(encoding="utf-8").rstrip().split("\n")
-    names = next(csv.reader([header]))
-    columns = zip(*(line.split(",") for line in lines), strict=True)
-    return {
-        name: np.array([float(cell or "nan") for cell in column]) for name, column in zip(names, columns, strict=True)
-    }
 
 
 def conversion_factor_or_nan(printed_unit: str, to_unit: str) -> float:

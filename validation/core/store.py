@@ -10,6 +10,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from validation.core.stored_files import read_json as read_json
+
 ROOT = Path("cablefem-out")
 MARKER = ".cablefem.json"
 REPORT = "report.html"  # of all commands in a folder
@@ -171,10 +173,6 @@ def stored_sections_path(folder: Path, command: str) -> Path:
 
 def read_packaged_toml(package: str | None, name: str) -> dict[str, Any]:
     return tomllib.loads((resources.files(package or "") / name).read_text(encoding="utf-8"))
-
-
-def read_json(file: Path) -> Any:
-    return json.loads(file.read_text(encoding="utf-8"))
 
 
 def _read_marker(folder: Path) -> dict[str, Any]:

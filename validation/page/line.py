@@ -1,6 +1,5 @@
 """A line at rest, on the terminal and on its page."""
 
-import csv
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import starmap
@@ -14,6 +13,7 @@ from cablefem.scene.line import Contact, Line
 from validation.core import store
 from validation.core.limits import limit_scope_sentences
 from validation.core.quantities import factor_and_prefixed_unit, limit_row_texts
+from validation.core.stored_files import read_csv_rows
 from validation.page import plot, printing, terminal
 from validation.page.answer.many import LIMITS, Column, Columns, StoredGrid, grid_table, key_columns
 from validation.page.page import Content, Row, Section, limits_of, read_asset, render_sections, worst_verdict
@@ -135,8 +135,7 @@ def rest_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | N
     ropes = store.read_json(folder / "ropes.json")
     toml = (folder / "scene.toml").read_text(encoding="utf-8")
     line = Line.from_toml(toml)
-    with (folder / "positions.csv").open(encoding="utf-8", newline="") as file:
-        positions = list(csv.DictReader(file))
+    positions = read_csv_rows(folder / "positions.csv")
 
     content: Content = {
         "id": folder.name,
@@ -163,7 +162,7 @@ def stored_limits_table(line: Line, summary: Row) -> Markup:
 
 
 def _column_of_floats(positions: Sequence[Row], name: str) -> Array:
-    return np.array([float(x[name]) if x.get(name) else np.nan for x in positions])
+    return np.array([float(x[name] or "nan") for x in positions])
 
 
 def _side_view_without_cars(line: Line, profile: SeriesByName, lowest: Sequence[Array]) -> tuple[Panel, str]:
@@ -213,7 +212,7 @@ def series_figure(series: SeriesByName, unit: str, x: Array, xlabel: str, title:
 
 def _side_view_figure(line: Line, ropes: Row, positions: Sequence[Row]) -> Markup:
     """Rope at rest and at all positions, cars, supports, ground and obstacles from the side."""
-    profile = {name: np.array(values) for name, values in ropes["profile"].items()}
+    profile = ropes["profile"].change_values(np.array)
     lowest_of_cars = [_column_of_floats(positions, f"depth:{car.name}") + car.below for car in line.car]
     p, caption = _side_view_without_cars(line, profile, lowest_of_cars)
     for depth in ropes["depths"].values():

@@ -12,7 +12,7 @@ from cablefem.response import Array
 from cablefem.scene.line import Contact, Line
 from validation.core import store
 from validation.core.quantities import quantity_text
-from validation.core.scene_data import read_csv_columns
+from validation.core.stored_files import Entries, read_csv_columns
 from validation.page import side_view
 from validation.page.answer.many import Columns
 from validation.page.line import line_grid_sections, series_figure, stored_limits_table, table_columns_with_outcome
@@ -98,20 +98,20 @@ def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str |
     return render_sections(__package__, "assets/motion.html", **content)
 
 
-def _moving_side_view(line: Line, folder: Path, contacts: SeriesByName, paths: dict[str, SeriesByName]) -> Markup:
+def _moving_side_view(line: Line, folder: Path, contacts: Entries, paths: Mapping[str, Entries]) -> Markup:
     """The side view in motion: rope, cars with what hangs and turns, counterweights."""
     rope = read_csv_columns(folder / "rope.csv")
     t = np.unique(rope["t"])
     s = np.unique(rope["s"])
     steps = np.searchsorted(contacts["t"], t)
-    at_frames = {name: values[steps] for name, values in contacts.items()}
+    at_frames = contacts.change_values(lambda values: values[steps])
     rope_frames = _rope_frames_filled_beyond_pulleys(line, rope, at_frames)
     tensions = rope_frames["T"]
     range_T = float(tensions.min()), float(tensions.max())
     unit = side_view.force_unit(range_T[1])
     bodies = []
     for car, color in zip(line.car, COLORS[1:] * len(line.car), strict=False):
-        path = {column: values[steps] for column, values in paths[car.name].items()}
+        path = paths[car.name].change_values(lambda values: values[steps])
         bodies.append(side_view.packed_car(path, unit, name=car.name, color=color, below=car.below))
     enlarged = any("body" in body for body in bodies)
     bodies += [_packed_contact(c, at_frames) for c in line.contact if c.kind != "spring"]
@@ -127,7 +127,7 @@ def _moving_side_view(line: Line, folder: Path, contacts: SeriesByName, paths: d
     return side_view.side_view_player(data, range_T, " and ".join(paths))
 
 
-def _still_parts_of_side_view(line: Line, profile: SeriesByName, paths: dict[str, SeriesByName]) -> Content:
+def _still_parts_of_side_view(line: Line, profile: SeriesByName, paths: Mapping[str, SeriesByName]) -> Content:
     """The parts that do not move: rope at rest, envelope, contacts, paths of the cars, obstacles, ground."""
     right = line.contact[-1]
     span, drop = right.at
@@ -181,7 +181,7 @@ def _packed_contact(contact: Contact, at_frames: SeriesByName) -> Content:
     return packed_series(series) | {"readout": [], "name": contact.name}
 
 
-def _figures_over_time(line: Line, contacts: SeriesByName, paths: dict[str, SeriesByName]) -> Iterator[Markup]:
+def _figures_over_time(line: Line, contacts: SeriesByName, paths: Mapping[str, SeriesByName]) -> Iterator[Markup]:
     """One figure per kind of quantity that is known, over time."""
     for title, figure in OVER_TIME.items():
         series = _series_of_contacts(line, contacts, figure)

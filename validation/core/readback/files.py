@@ -13,13 +13,15 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from validation.core.readback.limits import limit_faults
-from validation.core.readback.stored import Faults, Run, StoredResults, read_json
+from validation.core.readback.stored import Faults, Run, StoredResults
 from validation.core.readback.verification import verification_faults
-from validation.core.scene_data import ROUNDING, Array, max_depth_at, read_csv_columns
+from validation.core.scene_data import ROUNDING, Array, max_depth_at
+from validation.core.stored_files import damaged_files_are_faults, read_csv_columns, read_json
 
 SINGLE_PRECISION = 1e-6  # relative
 
 
+@damaged_files_are_faults
 def file_faults(stored: StoredResults) -> Faults:
     """Faults of the files of each method, and of the stored limits and verification."""
     scene = stored.runs[0]["scene"]

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from validation.core.readback.pages import section_html
-from validation.core.readback.stored import Faults, Row, read_json, read_package_toml
+from validation.core.readback.stored import Faults, Row, read_package_toml
 from validation.core.readback.texts import (
     NUMBER,
     contents_of_tags,
@@ -21,12 +21,14 @@ from validation.core.readback.texts import (
     with_plain_signs,
 )
 from validation.core.scene_data import ROUNDING, conversion_factor_or_nan
+from validation.core.stored_files import damaged_files_are_faults, read_json
 
 _CLAUSE = re.compile(r"(.+?)\s*(<=|>=|<|>|=)\s*(\S+)\s*(\S*)")
 _ANSWER = re.compile(rf"(at most|at least) (about )?({NUMBER}(?: ± {NUMBER})?)(?: (\S+))?; (above|below): ")
 EVENT_UNITS = {"t": "s", "s_o": "m", "speed": "m/s"}
 
 
+@damaged_files_are_faults
 def find_faults(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
     """Faults of find.json, find.csv, their page and what was printed."""
     answer = read_json(folder / "find.json")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,18 +14,19 @@ from validation.core.readback.stored import (
     Faults,
     Row,
     expected_excess_sentences,
-    read_json,
     read_package_toml,
     worst_asked_verdict,
 )
 from validation.core.readback.texts import plain_text, rows_of_each_table
-from validation.core.scene_data import Array, read_csv_columns, thermal_stretch
+from validation.core.scene_data import Array, thermal_stretch
+from validation.core.stored_files import damaged_files_are_faults, read_csv_columns, read_json
 
 COUNTED = "comparisons of two solvers agree", "laws hold", "kinds of printed numbers are as computed"
 TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
-Paths = dict[str, dict[str, Array]]  # columns of the cars' files, by car
+Paths = Mapping[str, dict[str, Array]]  # columns of the cars' files, by car
 
 
+@damaged_files_are_faults
 def line_terminal_faults(printed: Sequence[str], html_text: str, folder: Path) -> Faults:
     """Faults of what a command printed of a line: rows must stand on its page, sentences be those of the files.
 
@@ -98,6 +99,7 @@ def _agreement_count_sentences(judged: Sequence[Row]) -> Iterator[str]:
             yield f"{verdicts.count('agree')} of {len(verdicts)} {words}"
 
 
+@damaged_files_are_faults
 def line_outcome_faults(folder: Path) -> Faults:
     """Faults of the outcome of a line in motion: its kind, where the cars end, what is hit, the largest tension."""
     summary = read_json(folder / "summary.json")

@@ -14,7 +14,8 @@ from scipy.spatial import cKDTree
 from validation.core.readback.files import car_points_at_frames, larger_extent_at_rest, path_csv_columns, series_faults
 from validation.core.readback.stored import Faults, Row, Run, StoredResults
 from validation.core.readback.texts import contents_of_tags
-from validation.core.scene_data import ROUNDING, Array, conversion_factor_or_nan, read_csv_columns
+from validation.core.scene_data import ROUNDING, Array, conversion_factor_or_nan
+from validation.core.stored_files import damaged_files_are_faults, read_csv_columns
 
 PACKED = 65535  # steps between the extremes of a packed series
 
@@ -162,6 +163,7 @@ class RopeGrid(NamedTuple):
     series: dict[str, Array]
 
 
+@damaged_files_are_faults
 def rope_csv_and_side_view_faults(html_text: str, folder: Path, motion: Any) -> Faults:
     """Faults of rope.csv, and of the side view of a line in motion; motion : a `cablefem.motion.LineMotion`."""
     rope = read_csv_columns(folder / "rope.csv")

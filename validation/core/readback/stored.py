@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, cached_property
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from validation.core.scene_data import SceneData
+from validation.core.stored_files import Entries, json_of_text, read_json
 
 Faults = Iterator[str]
 Run = dict[str, Any]  # stored arrays of a method by name, its TOML as "scene", its numbers as "rest"
@@ -57,8 +57,8 @@ class StoredResults:
 
 def _read_run(file: Path) -> Run:
     with np.load(file, allow_pickle=False) as data:
-        run: Run = dict(data)
-    run["rest"] = json.loads(str(run.pop("_rest")))
+        run: Run = Entries(file, "array", data)
+    run["rest"] = json_of_text(file, str(run.pop("_rest")))
     run["scene"] = tomllib.loads(run["rest"]["scene_toml"])
     return run
 
@@ -75,10 +75,6 @@ def expected_excess_sentences(rows: Iterable[Row]) -> Iterator[str]:
     if coarse and all(row["allowed"] is not None for row in coarse):
         excess = max(max(row["gap"], row["allowed"]) / row["asked_for"] for row in coarse)
         yield f"gaps and bars are up to {excess:.3g} times what was asked"
-
-
-def read_json(file: Path) -> Any:
-    return json.loads(file.read_text(encoding="utf-8"))
 
 
 @cache
