@@ -296,6 +296,16 @@ def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp
     assert "tension" not in outcome
 
 
+def test_the_page_says_why_scenes_have_no_answer(tmp_path):
+    """They were counted as complete in neither way, and their reason was in the rows alone."""
+    study = Study.from_table(GRID | {"vary": {"cable.EA": [1.0, 2.0]}})
+    engine.write_rows(tmp_path, study, [job.row_of_point(study, i, study.point(i)) for i in range(2)])
+    (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
+    outcome = sections(tmp_path)[0]
+    assert outcome.summary == "2 of 2 scenes, 0 complete, 2 refused, 0 without an answer"
+    assert "cable.EA" in outcome.html
+
+
 def test_the_page_of_planted_faults_counts_verdicts_by_fault(tmp_path, monkeypatch):
     monkeypatch.setattr(job, "_check_row", lambda *given: {"status": "complete", "verdict": "disagree"})
     study = Study.load("power")

@@ -102,6 +102,8 @@ def _print_outcomes(rows: Any, *, checked: bool) -> int:
     checked : by two solvers.  1 for a scene without an answer, or where they do not agree on a sound one; 2 where all
     scenes are refused.
     """
+    from validation.commands.sweep.job import reason_on_one_line
+
     terminal.print_text(_counts(rows["status"]))
     sound = rows["fault"].isna() | (rows["fault"] == "none")
     for part, words in ((rows[sound], ""), (rows[~sound], "with a planted fault: ")):
@@ -109,7 +111,7 @@ def _print_outcomes(rows: Any, *, checked: bool) -> int:
             terminal.print_text(f"{words}{_counts(part['verdict'])}")
     unanswered = rows[~rows["status"].isin(("complete", "incomplete"))]
     for index, first in unanswered.head(1).iterrows():
-        terminal.print_text(f"scene {index}, {first['status']}: {first['reason'].splitlines()[-1]}")
+        terminal.print_text(f"scene {index}, {first['status']}: {reason_on_one_line(first['status'], first['reason'])}")
     refused = rows["status"] == "refused"
     if refused.all():
         return 2

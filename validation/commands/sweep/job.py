@@ -82,6 +82,12 @@ def row_of_point(study: Study, index: int, point: Point) -> Row:
     return out | {"seconds": time.perf_counter() - begin}
 
 
+def reason_on_one_line(status: str, reason: str) -> str:
+    """Faults one after the other; of a traceback, which a failed scene has, its last line."""
+    lines = reason.splitlines()
+    return lines[-1] if status == "failed" else "; ".join(lines)
+
+
 def row_of_lost_scene(study: Study, index: int, cause: str) -> Row:
     """The row of a scene that ends its worker."""
     reason = "each worker died that computed it"

@@ -18,7 +18,7 @@ from pandas import DataFrame, qcut
 from cablefem.scene import Scene
 from cablefem.scene.keys import list_keys
 from validation.commands.sweep.engine import read_rows
-from validation.commands.sweep.job import BROKEN
+from validation.commands.sweep.job import BROKEN, reason_on_one_line
 from validation.commands.sweep.study import Study
 from validation.core import store
 from validation.core.quantities import KNOWN, TEXTS, factor_and_prefixed_unit, quantity_words, unit_of
@@ -38,14 +38,20 @@ def sections(folder: Path) -> list[Section]:
     study = Study.load(file)
     rows = read_rows(folder)
     complete = rows["status"] == "complete"
+    refused = rows["status"] == "refused"
     broken = rows["status"].isin(BROKEN)
+    unfinished = rows[~complete]
+    few = 5
+    first = unfinished[unfinished["reason"].notna()].head(few)
+    reasons = [{"scene": i, "reason": reason_on_one_line(x["status"], x["reason"])} for i, x in first.iterrows()]
     bars = bar_coverage_rows(rows) if rows["true_error"].notna().any() else []
     maps = list(_draw_maps(study, rows))
     shown = _thinned_rows(rows)
     data = json.dumps(_explorer_data(study, file, shown)).replace("<", "\\u003c")
     script = (resources.files(__package__) / "explorer.js").read_text(encoding="utf-8")
     return render_sections(
-        __package__, study=study, rows=rows, complete=complete.sum(), broken=broken.sum(), unfinished=rows[~complete],
+        __package__, study=study, rows=rows, complete=complete.sum(), refused=refused.sum(), broken=broken.sum(),
+        unfinished=unfinished, reasons=reasons,
         judged=rows[rows["verdict"].notna()], counted=_count_table, bars=bars, maps=maps, shown=len(shown),
         data=Markup(data), script=Markup(script),
     )  # fmt: skip
