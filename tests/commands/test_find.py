@@ -299,17 +299,22 @@ def test_a_line_at_rest_has_no_events_and_names_what_it_has_of_a_kind(condition,
     assert "arrival" not in str(refusal.value).partition("Known")[2]
 
 
+def test_a_line_without_a_check_is_answered_by_one_solver():
+    found = cf.find(SKYLINE, {"car.carriage.mass": (500.0, 9000.0)}, so_that="safety_factor >= 3", check=False)
+    assert found.sentence.endswith("by one solver alone")
+
+
 def test_units_are_those_that_are_printed():
     clause = parse_condition("arrival.speed <= 10 km/h")[0]
     assert clause.limit_in("m/s") == pytest.approx(10.0 / 3.6)
     assert parse_condition("tension_max <= 30 kN")[0].limit_in("N") == 30e3
 
 
-def test_without_a_check_the_bar_is_what_the_least_model_leaves_out():
+def test_without_a_check_the_bar_is_what_the_quasi_static_model_leaves_out():
     strong = ZIPLINE.replace({"cable.breaking_load": 9e4})
     found = cf.find(strong, {"mass.mass": (40.0, 200.0)}, so_that="safety_factor >= 4.5", check=False)
     change = found.changes[0]
-    assert "by the least model alone" in change.sentence
+    assert "by the quasi-static model alone" in change.sentence
     # the bar holds the mass at which the full model has the factor
     at = {side: strong.replace({"mass.mass": change.value + side * change.bar}) for side in (-1.0, 1.0)}
     factors = {

@@ -33,8 +33,8 @@ def command(
     Names are those of summary.json; of events, as arrival.speed at the end of the rope. brake_or_arrival.speed is
     that at a brake, else at the end, as the limit arrival_speed has it. Writes DIR/: find.json, with --for find.csv.
 
-    A few runs bracket each change, bisection on the least model narrows it, and both solvers run at the answer: what
-    they print is as sure as the number that decides.
+    A few runs bracket each change, bisection narrows it by --model, and both solvers run at the answer: what they
+    print is as sure as the number that decides.
     """
     faults = [] if model in ("quasi-static", "full") else [f"--model = {model!r}: must be quasi-static or full"]
     loaded = options.load_line_or_refuse(scene) or options.load_scene_or_refuse(scene, faults, needs_mass=True)

@@ -1,6 +1,6 @@
 """The largest or smallest value of one key of a scene for which a condition holds.
 
-Some runs over the range bracket each change; bisection on the least model narrows it, and a check judges the answer.
+Some runs over the range bracket each change; bisection narrows it, and a check judges the answer.
 """
 
 from __future__ import annotations
@@ -57,6 +57,7 @@ class Threshold:
     bar: float | None = None  # of the key; None: unknown, or as wide as the range
     verdict: str = ""  # of the check
     unit: str = ""
+    search_model: str = ""  # in words
     # index among the rooms of the number that decides, that number at `holds_at`, its bar
     checked: tuple[int, float, float | None] | None = None
 
@@ -69,7 +70,7 @@ class Threshold:
     def sentence(self) -> str:
         """The answer with its bar, what happens beyond it, and what the check says."""
         side, beyond = ("at most", "above") if self.fails_at > self.holds_at else ("at least", "below")
-        sure = f"the check: {self.verdict}" if self.verdict else "by the least model alone"
+        sure = f"the check: {self.verdict}" if self.verdict else f"by {self.search_model} alone"
         if self.bar is None and (self.verdict or self.checked):
             text = f"about {float(f'{self.value:.2g}'):g}"
             sure += ", but its error bar leaves no digit of that"
@@ -168,7 +169,7 @@ def find(
     scene_or_line : or a built-in name, or a file.
     so_that : as "outcome = arrives and clearance_car.tree >= 1.5 m"; names as in summary.json.
     model : of the search, quasi-static or full; a line has one model.  all_of : the condition must hold for each value.
-    check : both solvers run at the answer; their number gives the bar of the key, else that of the least model.
+    check : both solvers run at the answer; their number gives the bar of the key, else that of the model.
     Ctrl-C raises Interrupted, whose `found` has what was computed.
     find("zipline", {"mass.mass": (40.0, 200.0)}, so_that="arrival.speed <= 16 km/h")
     """
@@ -341,7 +342,10 @@ class _Search:
         share = self._crossing_share(holds_at, fails_at)
         value = holds_at if math.isnan(share) else holds_at + share * (fails_at - holds_at)
         fails = self._unmet_condition_text(fails_at)
-        return Threshold(value, holds_at, fails_at, fails, unit=unit_of_key(type(self.scene), self.key))
+        unit = unit_of_key(type(self.scene), self.key)
+        one_solver = self.model == "full" or isinstance(self.scene, Line)
+        search_model = "one solver" if one_solver else "the quasi-static model"
+        return Threshold(value, holds_at, fails_at, fails, unit=unit, search_model=search_model)
 
     def _crossing_share(self, holds_at: float, fails_at: float) -> float:
         """Where the first number that fails crosses its limit, over the interval; nan where words decide."""
@@ -369,7 +373,7 @@ class _Search:
     def with_bar_and_verdict(self, threshold: Threshold, by_check: bool) -> Threshold:
         """The threshold with its bar: that of the number over its slope, or a range that the full model confirms.
 
-        by_check : by both solvers, else by the least model, which leaves words without a bar.
+        by_check : by both solvers, else by the model of the search, which leaves words without a bar.
         """
         before = self.margins_at(threshold.holds_at)
         after = self.margins_at(threshold.fails_at)
@@ -392,7 +396,7 @@ class _Search:
         return threshold
 
     def _answers_with_verdicts(self, scene: Any, by_check: bool) -> Iterator[tuple[Answer, str]]:
-        """Answers that have bars, with the verdict: of checks, each finer, or of the least model without one."""
+        """Answers that have bars, with the verdict: of checks, each finer, or of the model of the search without one."""
         if not by_check:
             yield answer_by_model(scene, self.model, bars=True), ""
             return
@@ -423,7 +427,7 @@ def _deciding_margin(where_it_holds: Sequence[float], where_it_fails: Sequence[f
 
 
 def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: bool = False) -> Answer:
-    """The answer of the least model that was asked for.
+    """The answer of the model of the search.
 
     only_events : without design numbers and bars.  bars : of the full model, too.
     """
@@ -470,7 +474,7 @@ def checked_answer_and_verdict(scene: Any, path_tol_of_span: float) -> tuple[Ans
 def find_curve(
     scene: Any, keys: Mapping[str, Sequence[float]], other_key: str, values: Sequence[Any], **how: Any
 ) -> Curve:
-    """Find for each value of another key, by the least model; `how` as in `find`."""
+    """Find for each value of another key, by the model of the search; `how` as in `find`."""
     rows: list[Row] = []
     (key,) = keys
     units = (unit_of_key(type(scene), other_key), unit_of_key(type(scene), key))
