@@ -68,6 +68,25 @@ def test_unknown_scene(cable_scene, cable_check):
     cable_check("levl")
 
 
+def test_with_tolerance(cable_check):
+    cable_check("level", solver, with_tol=-1.0)  # refused before a check is computed
+
+
+def test_bound(assert_agree, ours):
+    assert_agree(ours, ours, path=-1.0)
+
+
+def test_other_scene(cable_scene, assert_agree, ours):
+    assert_agree(run(cable_scene("level").replace({"mass.mass": 1.0}), "following-p2", elements=8, steps=300), ours)
+
+
+def test_line_and_span(assert_agree, ours):
+    from cablefem.scene.line import Line
+    from validation.commands.run.line import answer_line
+
+    assert_agree(answer_line(Line.load("skyline")), ours)
+
+
 def test_tolerance(cable_check):
     cable_check("level", tol=7.0)
 
@@ -89,7 +108,7 @@ def plugin_outcome(pytester):
 
 
 def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(plugin_outcome):
-    plugin_outcome.assert_outcomes(passed=3, failed=6)
+    plugin_outcome.assert_outcomes(passed=3, failed=10)
     plugin_outcome.stdout.fnmatch_lines([
         "*wrong and following-p2 disagree",
         "*path_max: gap 0.*, allowed 0.01, largest at s_o/l = 0.*; asked for: path 0.01*",
@@ -97,7 +116,14 @@ def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(pl
         "*path_max: gap 0.*, allowed 0.0*(its error bar) + allowed to wrong 0.02; of u and v; agrees if its v is*0.9*",
         "*= agreement of cable solvers =*",
     ])  # fmt: skip
-    for said in ("scene = 'levl': no built-in", "tol must lie in", "a solver of your own is compared on one span"):
+    for said in (
+        "scene = 'levl': no built-in",
+        "tol must lie in",
+        "path must lie in [0, 1], got -1.0",
+        "with_tol must lie in [0, 1], got -1.0",
+        "disagree, they answer different scenes",
+        "a solver of your own is compared on one span",
+    ):
         assert said in plugin_outcome.stdout.str()
     for file in ("assertions.py", "foreign.py", "study.py", "testing.py", "described.py", "agreement.py"):
         assert file not in plugin_outcome.stdout.str(), "frames of the library are hidden"
@@ -106,6 +132,9 @@ def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(pl
     lines = {line.rpartition("::")[2].rstrip(")"): line for line in printed if "::" in line and " (" in line}
     assert lines["test_right"].startswith("agree          right and following-p2: path_max ")
     assert lines["test_wrong"].startswith("disagree       wrong and following-p2: path_max: gap 0.")
+    assert lines["test_other_scene"].startswith("disagree ")
+    assert lines["test_other_scene"].count(";") == 0  # gap, what is allowed and where
+    assert lines["test_line_and_span"].startswith("not comparable ")
     assert lines["test_checked"].startswith("agree          level, solver: ")
     # allowed to the user's solver, beside our bar: not what was asked of ours
     assert re.search(r" of 0\.0[23]\d* allowed", lines["test_checked"])

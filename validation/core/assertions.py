@@ -62,8 +62,14 @@ def assert_agree(
     except NotComparable as reason:
         raise AssertionError(f"{names} cannot be compared: {reason}") from None
     if any(row.verdict is not Verdict.AGREE for row in rows):
-        raise AssertionError(failure_text(f"{names} disagree", rows))
+        other_scene = ", they answer different scenes" if _scenes_differ(a, b) else ""
+        raise AssertionError(failure_text(f"{names} disagree{other_scene}", rows))
     return rows
+
+
+def _scenes_differ(a: Answer, b: Answer) -> bool:
+    """Whether two runs of one span are of different scenes; a foreign path names none."""
+    return isinstance(a, Response) and isinstance(b, Response) and a.scene_toml != b.scene_toml
 
 
 def _two_rising_numbers(window: Any) -> Window:

@@ -9,8 +9,9 @@ from cablefem.scene.line import Line
 from cablefem.scene.short import load_scene_or_line
 from validation.commands.check.study import check_solver
 from validation.core import assertions
-from validation.core.agreement import Agreement, Verdict, worst_deciding_verdict
+from validation.core.agreement import Agreement, Verdict, refuse_out_of_range, worst_deciding_verdict
 from validation.core.foreign import WITH_TOL
+from validation.core.measures import NotComparable
 from validation.core.store import Refused
 
 Report = Callable[[str, str], None]  # subject and verdict
@@ -26,8 +27,12 @@ def reporting_assert_agree(report: Report) -> Callable[..., list[Agreement]]:
         try:
             rows = assertions.assert_agree(a, b, **bounds)
         except AssertionError as error:
-            report(f"{names}: {str(error).splitlines()[-1].strip()}", "disagree")
+            what, _, _ = str(error).splitlines()[-1].strip().partition("; ")
+            compared = not isinstance(error.__context__, NotComparable)
+            report(f"{names}: {what}", "disagree" if compared else "not comparable")
             raise
+        except ValueError as refused:
+            raise refused.with_traceback(None) from None  # without the library's source
         report(f"{names}: {_worst_row_text(rows)}", "agree")
         return rows
 
@@ -44,6 +49,7 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
         """
         __tracebackhide__ = True
         try:
+            refuse_out_of_range("with_tol", with_tol, 0.0, 1.0)  # before the check is computed
             scene = _scene_or_line(scene, solver)
             result = _check_once(scene, tol, earlier_checks)
         except ValueError as refused:

@@ -396,7 +396,7 @@ class _Search:
         return threshold
 
     def _answers_with_verdicts(self, scene: Any, by_check: bool) -> Iterator[tuple[Answer, str]]:
-        """Answers that have bars, with the verdict: of checks, each finer, or of the model of the search without one."""
+        """Answers that have bars, with the verdict: of checks, each finer, or of the search without one."""
         if not by_check:
             yield answer_by_model(scene, self.model, bars=True), ""
             return
