@@ -229,6 +229,24 @@ def test_a_row_holds_all_design_numbers_and_the_clearance_of_the_nearest_obstacl
     assert stored["clearance_car_min"] <= stored["clearance_rope_min"]
 
 
+def test_a_row_of_a_car_that_grips_holds_the_clearance_at_the_far_support():
+    """Runs ended at 0.95 of the length: of two masts the nearer one was told, with the larger clearance."""
+    masts = {"obstacle": [{"name": "near", "at": 900.0, "top": 300.0}, {"name": "far", "at": 1960.0, "top": 90.0}]}
+    scene = Scene.load("level").replace(masts)
+    study = Study.from_table(
+        {
+            "scene": scene,
+            "method": "following-p2",
+            "settings": {"elements": 4, "steps": 200},
+            "vary": {"mu": [0.2, 0.3]},
+        }
+    )
+    row = job.row_of_point(study, 0, study.point(0))
+    s_o = np.linspace(0.0, scene.length, 2001)
+    over_far = 90.0 - np.interp(1960.0, scene.catenary.x(s_o), scene.catenary.y(s_o))
+    assert row["clearance_car_min"] < over_far
+
+
 def test_an_axis_takes_numbers_words_and_tables_side_by_side(tmp_path):
     """A percentage or a table beside a number broke the sweep after its scenes were computed."""
     axes = {"mass.mass": [1000, "+10%"], "cable.damping": [0.0, 0.1], "travel.kind": ["constant_speed"]}

@@ -163,10 +163,13 @@ def _run_row(study: Study, run_options: dict[str, Any], scene: Scene, index: int
 
 
 def _end_of_run(scene: Scene) -> float | None:
-    """s_o/l at which a run ends: rows say nothing of the slack cable; None: the end of the motion."""
+    """s_o/l at which a run ends: rows say nothing of the slack cable, which a car that grips leaves behind at the far
+    support; None: the end of the motion, past the last obstacle.
+    """
     from validation.core.measures import SLACK_END
 
-    return SLACK_END if scene.drive.mode == "grip" else None
+    has_clearance = bool(scene.obstacle or scene.ground)
+    return SLACK_END if scene.drive.mode == "grip" and not has_clearance else None
 
 
 def errors_against_finer_run(scene: Scene, r: Response, finer_factor: int) -> Row:
