@@ -14,7 +14,7 @@ from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
 from tests.motion.lines import OVER, broken_laws
 from validation.commands.check.motion import compare_and_check_laws
-from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, motion_answers
+from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, merge_instants, motion_answers
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_rows import LineTolerance
 from validation.core.stored_files import read_csv_columns
@@ -42,6 +42,15 @@ def test_a_car_lands_on_the_shoe_leaves_the_rope_takes_it_and_leaves_the_shoe(mo
     x = motion_over_tower.motion.cars[0].point[:, 0]
     at = np.interp([t for _, t in motion_over_tower.events], motion_over_tower.motion.t, x)
     np.testing.assert_allclose(at, [145.0, 149.0, 151.0, 155.0], atol=0.02)
+
+
+def test_instants_on_a_shoe_that_differ_by_rounding_are_one():
+    """A step of 1e-15 s would be extrapolated to the next one, 1e13 times as long."""
+    grid = np.linspace(0.0, 1.0, 11)
+    finer = 0.1 + 1e-15 + np.linspace(0.0, 0.4, 9)
+    merged = merge_instants(grid, finer)
+    assert np.isin(grid, merged).all()
+    np.testing.assert_allclose(merged, [0.0, *np.linspace(0.1, 0.5, 9), 0.6, 0.7, 0.8, 0.9, 1.0], atol=1e-14)
 
 
 def test_the_shoe_does_no_work(motion_over_tower):

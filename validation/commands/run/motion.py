@@ -223,6 +223,17 @@ def run_ladders(solvers: Sequence[LineRuns], space_factor: int, time_factor: int
     map_in_parallel(lambda item: item[0].run(*item[1]), missing, store_run)
 
 
+def merge_instants(grid: Array, finer: Array) -> Array:
+    """The instants of a grid with those inside it of a finer one; of two that differ by rounding, the first grid's.
+
+    A step of a rounding error has no extrapolation to the next one.
+    """
+    rounding = 1e-9 * (grid[1] - grid[0])
+    distances = np.abs(finer[:, None] - grid).min(axis=1)
+    inside = (finer > grid[0]) & (finer < grid[-1])
+    return np.union1d(grid, finer[inside & (distances > rounding)])
+
+
 def append_marched_states(states: list[State], system: Any, chosen: Scheme, steps: list[Array], work: Work) -> None:
     """March a system on from the last state, or from its start, up to an event that ends it; append its states.
 
@@ -338,7 +349,7 @@ class LineRuns:
                 break
             system, start = march.following
             finer = start.t + shortest_time_on_rail(system, start) * shares_of_rail
-            steps = [np.union1d(t, finer[(finer > t[0]) & (finer < t[-1])]) for t in grid]
+            steps = [merge_instants(t, finer) for t in grid]
         motion = join_motions_in_time(parts)
         events = [(event.name, event.t) for event in work.events]
         return LineRun(
