@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -98,9 +99,10 @@ def _rope_history(system: LineSines, states: Sequence[State], s: Array) -> RopeH
 def _contact_state_off_rope(system: LineSines, car: CarOffRope, states: Sequence[State]) -> ContactState:
     """What acts on a car off the rope at all states."""
     values = []
-    for x in states:
-        Z = system.coordinates_with_rates(x)[:, None]
-        values.append(car.contact_state(np.array([x.t]), Z, x.phase).values)
+    for phase, of in itertools.groupby(states, key=lambda x: x.phase):
+        t, q, v, a = (np.array(rows) for rows in list(zip(*of, strict=True))[:4])
+        Z = system.coordinates_from_unknowns(t, q, v, a, phase)
+        values.append(car.contact_state(t, Z, phase).values)
     return ContactState(np.concatenate(values))
 
 

@@ -16,7 +16,9 @@ class CarOffRope:
 
     def __init__(self, line: MovingLine, car: Car, layout: Layout, saddle: int, rows: dict[int, int]) -> None:
         """saddle : contact below the car;  rows : numbers of the rows by coordinate."""
+        assert car.rail is not None
         self.line = line
+        self.rail = car.rail
         self.layout = layout
         self.saddle = saddle
         self.body = PointCar(car, line)
@@ -32,18 +34,13 @@ class CarOffRope:
     def contact_state(self, t: Array, Z: Array, phase: int) -> ContactState:
         """What the body takes, at the times t (n,), from Z (3, n, layout.size)."""
         car = self.body.car
-        assert car.rail is not None
-        rope_at_saddle = Z[:, :, self.layout.s[self.saddle]].T  # s with its rates (n, 3)
+        rope_at_saddle = Z[:, :, self.layout.s[self.saddle]]  # s with its rates (3, n)
         x = np.zeros((t.size, ContactState.size))
-        for values, at, s in zip(x, t.tolist(), rope_at_saddle, strict=True):
-            point, velocity, acceleration = self.line.point_with_rates_off_rope(car, at, phase, s)
-            values[8:10] = point
-            values[13:15] = velocity
-            values[18:20] = acceleration
+        x[:, 8:10], x[:, 13:15], x[:, 18:20] = self.line.points_with_rates_off_rope(car, t, phase, rope_at_saddle)
         if car.hanger is not None:
             x[:, [10, 15, 20]] = Z[:, :, self.layout.angle_off_rope[car.name]].T
         x[:, [4, 6]] = 1.0  # the rail in the place of the rope
-        x[:, [5, 7]] = car.rail.depth_with_derivatives(x[:, 8])[1][:, None]
+        x[:, [5, 7]] = self.rail.depth_with_derivatives(x[:, 8])[1][:, None]
         return ContactState(x[:, None])
 
     def complete_residuals(self, x: ContactState, r: Array) -> None:
@@ -58,7 +55,7 @@ class CarOffRope:
         body = self.body
         saddle = self.saddle_row
         angle = self.angle_row
-        stretch = body.car.rail.stretch if body.car.rail is not None else 1.0
+        stretch = self.rail.stretch
         if saddle is not None:
             K[2, saddle, saddle] += body.car.mass * stretch
         if angle is not None:

@@ -17,7 +17,7 @@ from cablefem.elements.bodies import (
     forces_on_cars,
     masses_drag_and_friction,
 )
-from cablefem.elements.bordered import BandMatrix
+from cablefem.elements.bordered import BandDerivatives, BandFactors
 from cablefem.elements.line_coordinates import Coordinates, LineCoordinates, Mask
 from cablefem.elements.segments import Law
 from cablefem.elements.trolley import Slots
@@ -41,7 +41,7 @@ class RopeAndCars(NamedTuple):
 class CoordinateSolve(NamedTuple):
     """The solution for some of the coordinates."""
 
-    factors: Solve  # of all
+    factors: BandFactors  # of all
     size: int
     slots: Slots
 
@@ -139,11 +139,8 @@ class LineBalance(LineCoordinates):
         for slot, rail in self.rails:
             slope = rail.depth_with_derivatives(x.q[..., slot])[1]
             rows[..., slot] += slope * rows[..., slot + 1]
-        if self.off_rope:
-            each = rows.reshape(-1, self.size)
-            z = np.array(x).reshape(3, -1, self.size)
-            for car in self.off_rope.values():
-                car.add_rows(each, np.ravel(t), z, phase)
+        for car in self.acting_off_rope:
+            car.add_rows(rows.reshape(-1, self.size), np.ravel(t), np.reshape(x, (3, -1, self.size)), phase)
         rows[..., self.force] = rows[..., self.force_rows]
         return rows
 
@@ -225,8 +222,8 @@ class LineBalance(LineCoordinates):
         """The solutions for all unknowns; cars that stick have 0 in both sides."""
         x = self.coordinates_from_unknowns(t, q, v, a, phase)
         rope_and_cars = RopeAndCars(self.law, self.car_loads_and_masses(t, phase))
-        factors = self._factorise(x, rope_and_cars, cs, self.moving)
-        solves: list[Any] = [CoordinateSolve(one, self.size, self._unknown) for one in factors]
+        derivatives = self._derivatives(x, rope_and_cars, self.moving)
+        solves: list[Any] = [CoordinateSolve(derivatives.factorise(c), self.size, self._unknown) for c in cs]
         return solves
 
     @property
@@ -236,77 +233,72 @@ class LineBalance(LineCoordinates):
         moving[self._unknown[self.sticking_unknowns]] = False
         return moving
 
-    def tangent_solver(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors, free: Mask) -> Solve:
-        """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free coordinates; without c2 forces F/M count once."""
-        (factors,) = self._factorise(x, rope_and_cars, [c], free)
-        solve: Any = CoordinateSolve(factors, self.size, np.flatnonzero(free))
-        return solve
+    def rest_solver(self, x: Coordinates, rope_and_cars: RopeAndCars, free: Mask) -> CoordinateSolve:
+        """The solution for free coordinates at rest, and F/M."""
+        derivatives = self._derivatives(x, rope_and_cars, free)
+        forces = self.force - derivatives.n
+        for by_q, _, by_a in (derivatives.columns, derivatives.corner):
+            by_q[:, forces] = by_a[:, forces]
+        return CoordinateSolve(derivatives.factorise((1.0, 0.0, 0.0)), self.size, np.flatnonzero(free))
 
-    def _factorise(
-        self, x: Coordinates, rope_and_cars: RopeAndCars, cs: Sequence[TangentFactors], free: Mask
-    ) -> list[Solve]:
-        """The solutions of all coordinates, in which those that are not free drop out."""
+    def _derivatives(self, x: Coordinates, rope_and_cars: RopeAndCars, free: Mask) -> BandDerivatives:
+        """Those of all rows, from which coordinates that are not free are dropped."""
         rope_rows = np.empty(0)
         if self.trolleys:
             rope_rows = self._rope_rows_noting_loads(x, *rope_and_cars)
         cars = rope_and_cars.cars
         points = self._point_car_derivatives(x, cars)
         wheels = [trolley.derivatives(x, rope_rows[trolley.points.ravel()], cars) for trolley in self.trolleys]
-        fixed = np.flatnonzero(np.logical_not(free))
-        solves: list[Any] = []
-        for c in cs:
-            matrix = self._rope_tangent(x, rope_and_cars, c)
-            self._add_contact_tangents(matrix, x, points, wheels, c)
-            matrix.fix_unknowns_at_zero(fixed)
-            solves.append(matrix.factorise_in_place())
-        return solves
+        out = self._rope_derivatives(x, rope_and_cars)
+        self._add_contact_derivatives(out, x, points, wheels)
+        out.drop_unknowns(np.flatnonzero(np.logical_not(free)))
+        return out
 
-    def _rope_tangent(self, x: Coordinates, rope_and_cars: RopeAndCars, c: TangentFactors) -> BandMatrix:
-        """The tangent of segments."""
-        matrix = BandMatrix(2 * self.n, self.size - 2 * self.n, self.band, np.array(c).dtype)
+    def _rope_derivatives(self, x: Coordinates, rope_and_cars: RopeAndCars) -> BandDerivatives:
+        """Those of segments."""
+        out = BandDerivatives(2 * self.n, self.size - 2 * self.n, self.band)
         if self.compiled:
-            self._kernel.add_rope_tangent(x, rope_and_cars, c, matrix)
-            return matrix
-        of_segments = self.segments.tangent(self.segment_motion(x), Law(*rope_and_cars.law), c)
+            self._kernel.add_rope_derivatives(x, rope_and_cars, out)
+            return out
+        of_segments = self.segments.derivatives(self.segment_motion(x), Law(*rope_and_cars.law))
         of_nodes = self.xy_of_nodes.reshape(len(self.nodes), -1)
         slots = np.column_stack([of_nodes, self.s[:-1], self.s[1:]])  # (K, m)
-        full = np.zeros((self.size, self.size), of_segments.dtype)
-        np.add.at(full, (slots[:, :, None], slots[:, None, :]), of_segments)
-        for row, values in enumerate(full):
-            matrix.add_row(row, values)
-        return matrix
+        full = np.zeros((3, self.size, self.size))
+        for to, of in zip(full, of_segments, strict=True):
+            np.add.at(to, (slots[:, :, None], slots[:, None, :]), of)
+        for row, values in enumerate(full.swapaxes(0, 1)):
+            out.add_row(row, values)
+        return out
 
-    def _add_contact_tangents(
-        self, matrix: BandMatrix, x: Coordinates, points: Derivatives, wheels: Derivatives, c: TangentFactors
+    def _add_contact_derivatives(
+        self, out: BandDerivatives, x: Coordinates, points: Derivatives, wheels: Derivatives
     ) -> None:
         """Add supports, cars, and the rows that determine F."""
-        self._add_support_tangent(matrix, x, c)
-        factors = *c, c[2] or 1.0
+        self._add_support_derivatives(out, x)
         slots = [self._row_slots(i) for i in self.point_cars] + [trolley.rows.tolist() for trolley in self.trolleys]
         for rows, (by_input, inputs) in zip(slots, [*points, *wheels], strict=True):
-            for slot, values in zip(rows, by_input @ np.tensordot(factors, inputs, 1), strict=False):
-                matrix.add_row(slot, values)
+            for slot, values in zip(rows, (by_input @ inputs).swapaxes(0, 1), strict=False):
+                out.add_row(slot, values)
         for trolley, (by_input, _) in zip(self.trolleys, wheels, strict=True):
-            trolley.add_rope_and_follow(matrix, x.q[trolley.body[2]], by_input[:, 8:12])
+            trolley.add_rope_and_follow(out, x.q[trolley.body[2]], by_input[:, 8:12])
         for slot, rail in self.rails:
             slope = rail.depth_with_derivatives(x.q[slot])[1]
-            matrix.let_unknown_follow_previous(slot + 1, slope)
-        for car in self.off_rope.values():
-            car.add_tangent(matrix, x.q, c)
+            out.let_unknown_follow_previous(slot + 1, slope)
+        for car in self.acting_off_rope:
+            car.add_derivatives(out, x.q)
         for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):
-            matrix.add_multiple_of_row(row, slot)
+            out.add_multiple_of_row(row, slot)
 
-    def _add_support_tangent(self, matrix: BandMatrix, x: Coordinates, c: TangentFactors) -> None:
-        c0, c1, c2 = c
+    def _add_support_derivatives(self, out: BandDerivatives, x: Coordinates) -> None:
         for slot, stiffness in zip(self.springs.tolist(), self.stiffness.tolist(), strict=True):
-            matrix.add_entry(slot, slot, stiffness * c0)
+            out.add_entry(slot, slot, stiffness)
         for slot, numbers in zip(self.weights.tolist(), self.weight_numbers.tolist(), strict=True):
             force, sign, mass, _, rho, EA = numbers
             ds = x.v[slot]
             lam = 1.0 + (force + sign * mass * x.a[slot]) / EA
             by_dds = mass * (lam - rho * ds**2 * lam / EA)
             by_ds = sign * rho * ds * lam**2
-            matrix.add_entry(slot, slot, by_dds * c2 - by_ds * c1)
+            out.add_entry(slot, slot, 0.0, -by_ds, by_dds)
 
     def _row_slots(self, i: int) -> list[int]:
         """Slots of the rows of car i on one contact."""
@@ -322,11 +314,11 @@ class LineBalance(LineCoordinates):
 
     def _car_inputs_by_coordinates(self, i: int, q: Array) -> Array:
         k = self.car_contacts[i]
-        out = np.zeros((4, INPUTS, self.size))
+        out = np.zeros((3, INPUTS, self.size))
         out[0, :4] = self.slopes_beside_by_coordinates(k, q)
         out[1, [4, 5], self.xy[k]] = 1.0
         out[2, [6, 7], self.xy[k]] = 1.0
-        out[3, 8, self.force[np.equal(self.of_force, i)]] = 1.0
+        out[2, 8, self.force[np.equal(self.of_force, i)]] = 1.0
         for order in range(3):
             out[order, 9 + order, self.swing[np.equal(self.of_swing, i)]] = 1.0
         return out

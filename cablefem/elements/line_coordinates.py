@@ -103,6 +103,7 @@ class LineCoordinates(System):
             if car.rail is not None:
                 saddle = saddles[car.rail.saddle]
                 self.off_rope[car.name] = CarOffRope(self.line, car, saddle, self.swing_off_rope.get(car.name))
+        self.acting_off_rope = [car for car in self.off_rope.values() if car.acts_in_rows]
 
     def slot_set_by_travel(self, i: int) -> int:
         """Slot that the travel of car i prescribes: s, or x of a car hauled in x."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from cablefem.elements.bodies import INPUTS, ForcesOnCars, forces_on_cars, masses_drag_and_friction, swing_constants
-from cablefem.elements.bordered import BandMatrix
+from cablefem.elements.bordered import BandDerivatives
 from cablefem.elements.segments import dot
-from cablefem.newmark import Array, TangentFactors
+from cablefem.newmark import Array
 from cablefem.scene.contacts import Car, MovingLine
 
 
@@ -28,12 +28,15 @@ class CarOffRope:
         self.data = masses_drag_and_friction([car], line.gravity)
         self.lever, _, self.inertia, self.resistance = swing_constants(car, line.gravity)
 
+    @property
+    def acts_in_rows(self) -> bool:
+        """Whether the car acts in a row."""
+        return self.grips or self.swing is not None
+
     def points_with_rates(self, t: Array, z: Array, phase: int) -> Array:
         """Its points with their rates (n, 3, 2) at the times t (n,), from coordinates with rates z (3, n, size)."""
-        points = []
-        for at, s_with_rates in zip(t.tolist(), z[..., self.saddle].T, strict=True):
-            points.append(self.line.point_with_rates_off_rope(self.car, at, phase, s_with_rates))
-        return np.array(points)
+        points = self.line.points_with_rates_off_rope(self.car, t, phase, z[..., self.saddle])
+        return points.swapaxes(0, 1)
 
     def forces(self, points: Array, z: Array) -> ForcesOnCars:
         """Forces (n, 1), of which `contact` is what rail and drive take; z : coordinates with rates (3, n, size)."""
@@ -48,8 +51,6 @@ class CarOffRope:
 
     def add_rows(self, rows: Array, t: Array, z: Array, phase: int) -> None:
         """Add to rows (n, size) at the times t (n,)."""
-        if not self.grips and self.swing is None:
-            return
         on = self.forces(self.points_with_rates(t, z, phase), z)
         if self.grips:
             along = dot(on.contact, on.tau)[:, 0]
@@ -57,26 +58,24 @@ class CarOffRope:
         if self.swing is not None:
             rows[:, self.swing] = on.swing[:, 0]
 
-    def add_tangent(self, matrix: BandMatrix, q: Array, c: TangentFactors) -> None:
-        """Add c0 d/dq + c1 d/dv + c2 d/da at coordinates q (size,); drag and motion of the point change little."""
-        c0, c1, c2 = c
+    def add_derivatives(self, out: BandDerivatives, q: Array) -> None:
+        """Add those at coordinates q (size,); drag and motion of the point change little."""
         stretch = self.rail.stretch
         if self.grips:
-            matrix.add_entry(self.saddle, self.saddle, self.car.mass * stretch**2 * c2)
+            out.add_entry(self.saddle, self.saddle, 0.0, 0.0, self.car.mass * stretch**2)
         if self.swing is None:
             return
         angle = q[self.swing]
         stiffness = self.lever * self.line.gravity * np.cos(angle)
-        of_swing = stiffness * c0 + self.resistance * c1 + self.inertia * c2
-        matrix.add_entry(self.swing, self.swing, of_swing)
+        out.add_entry(self.swing, self.swing, stiffness, self.resistance, self.inertia)
         if self.grips:
             middle = 0.5 * (self.rail.begin.x + self.rail.end.x)
             slope = self.rail.depth_with_derivatives(middle)[1]
             forward = np.cos(angle) - slope * np.sin(angle)
             along = forward / np.hypot(1.0, slope)  # of a turn forward
-            coupling = -self.lever * stretch * along * c2
-            matrix.add_entry(self.swing, self.saddle, coupling)
-            matrix.add_entry(self.saddle, self.swing, coupling)
+            coupling = 0.0, 0.0, -self.lever * stretch * along
+            out.add_entry(self.swing, self.saddle, *coupling)
+            out.add_entry(self.saddle, self.swing, *coupling)
 
     def swing_rate_jump(self, angle: Array, dv: Array) -> Array:
         """Jump of dphi/dt where the velocity of the point jumps by dv (2,)."""

@@ -96,7 +96,7 @@ def _solve_rest_by_newton(
     r = rows(q)
     for _ in range(60):  # of a stage
         x = resting_coordinates_with_forces(system, q)
-        solve = system.tangent_solver(x, rope_and_cars, (1.0, 0.0, 0.0), free)
+        solve = system.rest_solver(x, rope_and_cars, free)
         step = np.zeros(system.size)
         step[free] = solve(r)
         q, r, fraction = damped_step(q, step, float(np.linalg.norm(r)))

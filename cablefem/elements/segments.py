@@ -21,7 +21,7 @@ from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
 from cablefem.elements.reference import element_unknowns, lagrange_element, shape_polynomial_coefficients
-from cablefem.newmark import Array, TangentFactors
+from cablefem.newmark import Array
 from cablefem.scene.contacts import Elastic
 
 SIGN = np.array([-1.0, 1.0])  # e of the left end and of the right one
@@ -175,26 +175,22 @@ class Segments:
         of_nodes = self.values.T @ by_value + self.slopes.T @ by_slope
         return of_nodes, of_s.sum(axis=1).T
 
-    def tangent(self, motion: Motion, law: Law, c: TangentFactors) -> Array:
-        """D^T W J D: c0 d/dr + c1 d/dv + c2 d/da of the rows, (K, m, m) for m = 2 nn + 2 nodes' x, y and s."""
-        c0, c1, c2 = c
+    def derivatives(self, motion: Motion, law: Law) -> Array:
+        """D^T W J D: those of the rows by r, v and a, (3, K, m, m) for m = 2 nn + 2 nodes' x, y and s."""
         y = self.motion_at_points(motion)
         shifted = y + 1j * STEP * np.eye(16)[:, None, None, :]  # (16, K, G, 16)
         density = self.row_densities(self.fields_at_points(shifted, law))
         J = density.imag / STEP * self.weights[:, None]
-        by_r, by_v, by_a, by_r_xi, by_v_xi, by_s, by_ds, by_dds = J.reshape(8, 2, *y.shape[:2], 6)
-        by_value = c0 * by_r + c1 * by_v + c2 * by_a  # (2, K, G, 6)
-        by_slope = c0 * by_r_xi + c1 * by_v_xi
-        by_ends = np.moveaxis(c0 * by_s + c1 * by_ds + c2 * by_dds, 0, -1)  # (K, G, 6, 2)
-        by_nodes = np.einsum("bkgo,gj->kgojb", by_value, self.values)
-        by_nodes = by_nodes + np.einsum("bkgo,gj->kgojb", by_slope, self.slopes)
-        by_all_nodes = by_nodes.reshape(*by_ends.shape[:3], -1)
-        columns = np.concatenate([by_all_nodes, by_ends], axis=3)  # (K, G, 6, m)
-        of_value, of_slope, of_s = np.split(columns, 3, axis=2)
-        of_nodes = np.einsum("gi,kgam->kiam", self.values, of_value)
-        of_nodes = of_nodes + np.einsum("gi,kgam->kiam", self.slopes, of_slope)
-        of_all_nodes = of_nodes.reshape(len(of_nodes), 2 * self.nn, -1)
-        return np.concatenate([of_all_nodes, of_s.sum(axis=1)], axis=1)
+        by_value, by_slope, by_ends = np.split(J.reshape(8, 2, *y.shape[:2], 6), [3, 5])  # slopes have no part in a
+        by_nodes = np.einsum("dbkgo,gj->dkgojb", by_value, self.values)
+        by_nodes[:2] += np.einsum("dbkgo,gj->dkgojb", by_slope, self.slopes)
+        by_all_nodes = by_nodes.reshape(*by_nodes.shape[:4], -1)
+        columns = np.concatenate([by_all_nodes, np.moveaxis(by_ends, 1, -1)], axis=4)  # (3, K, G, 6, m)
+        of_value, of_slope, of_s = np.split(columns, 3, axis=3)
+        of_nodes = np.einsum("gi,dkgam->dkiam", self.values, of_value)
+        of_nodes = of_nodes + np.einsum("gi,dkgam->dkiam", self.slopes, of_slope)
+        of_all_nodes = of_nodes.reshape(*of_nodes.shape[:2], 2 * self.nn, -1)
+        return np.concatenate([of_all_nodes, of_s.sum(axis=2)], axis=2)
 
     def element_shapes(self, xi: Array) -> ElementShapes:
         """The shape functions at positions xi (...) in a segment; beyond it those of its first or last element."""

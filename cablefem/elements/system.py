@@ -39,7 +39,7 @@ class LineElements(LineInMotion, LineBalance):
 
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
         super().__init__(line, elements, degree, compiled)
-        self.many_steps = compiled and not line.cars_off_rope
+        self.many_steps = compiled and not self.acting_off_rope
         cars = line.cars_on_rope
         self.watch(dict(enumerate(cars)))
         # the car of each wheel or point that may lift off

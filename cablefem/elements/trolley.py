@@ -25,7 +25,7 @@ from cablefem.newmark import Array
 from cablefem.scene.contacts import Car
 
 if TYPE_CHECKING:
-    from cablefem.elements.bordered import BandMatrix
+    from cablefem.elements.bordered import BandDerivatives
     from cablefem.elements.line_coordinates import LineCoordinates
 
 # inputs: r' behind and ahead of the rear wheel (4) and of the front one (4), P_1, P_2 (4), th, X. (2), th., X.. (2),
@@ -187,37 +187,37 @@ class Trolley:
     def derivatives(
         self, coordinates: Sequence[Array], rope_rows: Array, cars: CarLoadsAndMasses
     ) -> tuple[Array, Array]:
-        """Of the rows, by the inputs (5, INPUTS), and of these by q, v, a and F/M (4, INPUTS, size)."""
+        """Of the rows, by the inputs (5, INPUTS), and of these by q, v and a (3, INPUTS, size)."""
         q = coordinates[0]
         y = self.force_inputs(coordinates, rope_rows)
         shifted = y[:, None] + 1j * STEP * np.eye(INPUTS)
         rows = self.forces(cars, shifted).rows
-        inputs = np.zeros((4, INPUTS, q.size))
+        inputs = np.zeros((3, INPUTS, q.size))
         slopes = [self.system.slopes_beside_by_coordinates(k, q) for k in self.contacts.tolist()]
         inputs[0, :8] = np.concatenate(slopes)
         inputs[0, 12, self.body[2]] = 1.0
         inputs[1, [13, 14, 15], self.body] = 1.0
         inputs[2, [16, 17, 18], self.body] = 1.0
         if self.force >= 0:
-            inputs[3, 19, self.force] = 1.0
+            inputs[2, 19, self.force] = 1.0
         return np.array([row.imag / STEP for row in rows]), inputs
 
-    def add_rope_and_follow(self, matrix: BandMatrix, pitch: float, by_rope_rows: Array) -> None:
+    def add_rope_and_follow(self, out: BandDerivatives, pitch: float, by_rope_rows: Array) -> None:
         """Let the nodes follow the body in the columns, and add the rows of the rope to its own, by_rope_rows (5, 4).
 
-        What the pitch rate adds to c1 and c2 is left out: it is of the order of the rate times the step.
+        What the pitch rate adds by v and a is left out: it is of the order of the rate times the step.
         """
-        self._let_wheels_follow(matrix, pitch)
+        self._let_wheels_follow(out, pitch)
         for row, column in np.argwhere(by_rope_rows).tolist():
             rope_row = int(self.points.flat[column])
-            matrix.add_multiple_of_row(rope_row, int(self.rows[row]), by_rope_rows[row, column])
+            out.add_multiple_of_row(rope_row, int(self.rows[row]), by_rope_rows[row, column])
 
-    def _let_wheels_follow(self, matrix: BandMatrix, pitch: float) -> None:
+    def _let_wheels_follow(self, out: BandDerivatives, pitch: float) -> None:
         """Add the columns of the nodes at both wheels to those of X and th."""
         *axes, th = self.body
         for wheel in self.points:
             for slot, axis in zip(wheel, axes, strict=True):
-                matrix.add_multiple_of_column(slot, axis, 1.0)
+                out.add_multiple_of_column(slot, axis, 1.0)
         rear_x, rear_y = self.points[0]
-        matrix.add_multiple_of_column(rear_x, th, self.wheels.base * math.sin(pitch))
-        matrix.add_multiple_of_column(rear_y, th, -self.wheels.base * math.cos(pitch))
+        out.add_multiple_of_column(rear_x, th, self.wheels.base * math.sin(pitch))
+        out.add_multiple_of_column(rear_y, th, -self.wheels.base * math.cos(pitch))

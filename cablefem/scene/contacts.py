@@ -198,12 +198,12 @@ class MovingLine:
             return car.travel.position_with_rates(t, i)
         return car.travel_end.position, 0.0, 0.0
 
-    def point_with_rates_off_rope(self, car: Car, t: float, phase: int, saddle_s_with_rates: Array) -> Array:
-        """x and y with their rates (3, 2) of a car in `cars_off_rope`; saddle_s_with_rates : (3,)."""
-        position = np.array(self.prescribed_position_with_rates(car, t, phase))
+    def points_with_rates_off_rope(self, car: Car, t: Array, phase: int, saddle_s_with_rates: Array) -> Array:
+        """x and y with their rates (3, n, 2) of a car in `cars_off_rope` at t (n,); saddle_s_with_rates : (3, n)."""
+        position = np.array([self.prescribed_position_with_rates(car, at, phase) for at in t.tolist()]).T
         assert car.rail is not None
         x = position if car.along == "x" else car.rail.x_with_rates(position - saddle_s_with_rates)
-        return np.stack([x, car.rail.y_with_rates(x)], axis=1)
+        return np.stack([x, car.rail.y_with_rates(x)], axis=-1)
 
     @property
     def axial_round_trip(self) -> float:

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+GAUSS = np.polynomial.legendre.leggauss(12)  # of arc lengths
+
 
 class RailEnd(NamedTuple):
     """A point of a path with slope and curvature."""
@@ -63,17 +65,20 @@ class Rail:
         return np.array([Y, slope * dx, slope * ddx + bend * dx**2])
 
     def x_with_rates(self, s_from_saddle_with_rates: Any) -> Any:
-        """x and its rates (3,) of a car off the rope that grips so far from the saddle, (3,) with its rates."""
+        """x and its rates (3, n) of a car off the rope that grips so far from the saddle, (3, n) with its rates."""
         s, ds, dds = s_from_saddle_with_rates
         distance = self.stretch * (s - self.s)
-        nodes, weights = np.polynomial.legendre.leggauss(12)
+        nodes, weights = GAUSS
         begin = self.begin.x
         x = begin + distance
-        for _ in range(20):  # from an arc length to its x
+        for _ in range(20):  # from an arc length to its x, by Newton's method
             half = 0.5 * (x - begin)
-            slopes = self.depth_with_derivatives(begin + half * (1.0 + nodes))[1]
+            slopes = self.depth_with_derivatives(begin + half * (1.0 + nodes[:, None]))[1]  # (points, n)
             arc = half * (weights @ np.hypot(1.0, slopes))
-            x -= (arc - distance) / np.hypot(1.0, self.depth_with_derivatives(x)[1])
+            change = (arc - distance) / np.hypot(1.0, self.depth_with_derivatives(x)[1])
+            x -= change
+            if np.abs(change).max() < 1e-12:  # [m]
+                break
         _, slope, bend = self.depth_with_derivatives(x)
         size = np.hypot(1.0, slope)
         dx = self.stretch * ds / size

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cablefem.elements.segment_kernels import balance, contacts, march
-from cablefem.newmark import Array, TangentFactors
+from cablefem.newmark import Array
 from cablefem.newmark.marching import StepsWithFactors
 
 if TYPE_CHECKING:
     from cablefem.elements.bodies import CarLoadsAndMasses
-    from cablefem.elements.bordered import BandMatrix
+    from cablefem.elements.bordered import BandDerivatives
     from cablefem.elements.line_balance import LineBalance, RopeAndCars
 
 TROLLEY_DATA = ("thrust", "brake", "hold", "sign", "rear_brake")  # columns of `contacts.Trolleys.data`
@@ -94,13 +94,11 @@ class Kernel:
         at = balance.Coordinates(*x)
         balance.add_rows_and_set_loads(self._line(law, cars), at, rows, loads_and_min_tension)
 
-    def add_rope_tangent(
-        self, x: Sequence[Array], rope_and_cars: RopeAndCars, c: TangentFactors, matrix: BandMatrix
-    ) -> None:
-        """See `balance.add_rope_tangent`; x : q, v, a (size,)."""
+    def add_rope_derivatives(self, x: Sequence[Array], rope_and_cars: RopeAndCars, out: BandDerivatives) -> None:
+        """See `balance.add_rope_derivatives`; x : q, v, a (size,)."""
         line = self._line(*rope_and_cars)
-        bands = balance.Bands(matrix.ab, matrix.columns, matrix.rows, matrix.corner)
-        balance.add_rope_tangent(line, balance.Coordinates(*x), np.array(c), bands)
+        bands = balance.Bands(out.ab, out.columns, out.rows, out.corner)
+        balance.add_rope_derivatives(line, balance.Coordinates(*x), bands)
 
     def take_steps_with_factors(
         self, law: Array, cars: CarLoadsAndMasses, slots: Any, moving: Any, prescribed: Array, steps: StepsWithFactors

@@ -60,9 +60,9 @@ class Coordinates(NamedTuple):
 
 
 class Bands(NamedTuple):
-    """See `bordered.BandMatrix`."""
+    """See `bordered.BandDerivatives`."""
 
-    ab: Array  # (n, 2 b + 1)
+    ab: Array  # (3, n, 2 b + 1)
     columns: Array
     rows: Array
     corner: Array
@@ -154,7 +154,7 @@ def densities(rope: Rope, xi: float, y: Any, p: PointFields) -> Any:
 
 @inner
 def set_density_changes(rope: Rope, EA: float, xi: float, y: Any, p: PointFields, d: Array, out: Array) -> None:
-    """Set out (6,) to the derivative of `densities` along a change d (16,) of y, real or complex."""
+    """Set out (6,) to the derivative of `densities` along a change d (16,) of y."""
     h = d[11] - d[10]
     dh = d[13] - d[12]
     c = d[12] * (1.0 - xi) + d[13] * xi
@@ -288,13 +288,13 @@ def add_car_rows_and_set_loads(line: Line, i: int, at: Coordinates, rows: Array,
 
 
 @compiled
-def add_rope_tangent(line: Line, at: Coordinates, c: Array, matrix: Bands) -> None:
-    """Add c0 d/dq + c1 d/dv + c2 d/da of the rows of the segments at one instant, see `Segments.tangent`."""
+def add_rope_derivatives(line: Line, at: Coordinates, out: Bands) -> None:
+    """Add those of the rows of the segments at one instant, see `Segments.derivatives`."""
     mesh = line.mesh
-    change = np.empty(16, c.dtype)
-    by_value = np.empty((2, 6), c.dtype)
-    by_slope = np.empty((2, 6), c.dtype)
-    by_end = np.empty((2, 6), c.dtype)
+    change = np.empty(16)
+    by_value = np.empty((2, 6))
+    by_slope = np.empty((2, 6))
+    by_end = np.empty((2, 6))
     for k in range(line.law.shape[1]):
         for e in range(mesh.dofs.shape[0]):
             for g in range(mesh.weights.size):
@@ -302,13 +302,15 @@ def add_rope_tangent(line: Line, at: Coordinates, c: Array, matrix: Bands) -> No
                 xi = mesh.xi[e, g]
                 y = motion_at_point(line, at, k, e, g)
                 fields = fields_at_point(law, xi, y)
-                for b in range(2):
-                    for first, orders, out in ((0, 3, by_value[b]), (6, 2, by_slope[b]), (10, 3, by_end[b])):
-                        change[:] = 0.0
-                        for order in range(orders):
-                            change[first + 2 * order + b] = mesh.weights[g] * c[order]
-                        set_density_changes(line.rope, law[0], xi, y, fields, change, out)
-                add_point(line, matrix, (k, e, g), by_value, by_slope, by_end)
+                for order in range(3):
+                    for b in range(2):
+                        for first, orders, of in ((0, 3, by_value[b]), (6, 2, by_slope[b]), (10, 3, by_end[b])):
+                            change[:] = 0.0
+                            if order < orders:
+                                change[first + 2 * order + b] = mesh.weights[g]
+                            set_density_changes(line.rope, law[0], xi, y, fields, change, of)
+                    matrix = Bands(out.ab[order], out.columns[order], out.rows[order], out.corner[order])
+                    add_point(line, matrix, (k, e, g), by_value, by_slope, by_end)
 
 
 @inner
