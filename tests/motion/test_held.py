@@ -61,7 +61,7 @@ def line_of_rider(drive):
 
 RIDERS = ROPE + rider_toml("rear", 80.0, 8.0, (60.0, 500.0)) + rider_toml("ahead", 95.0, 40.0, (220.0, 300.0))
 FRICTION = "friction that holds cars"
-PLACES = "places of brakes"
+PLACES = "places of events"
 WINGS = {
     "elements": lambda scene, n: LineElements(scene, elements=n),
     "sines": lambda scene, n: LineSines(scene, 2 * n),

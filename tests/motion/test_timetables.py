@@ -1,9 +1,9 @@
-"""Timetables of a line: both solvers share their reading of the TOML, a law reads it again."""
+"""Timetables and shoes of a line: both solvers share their reading of the TOML, a law reads it again."""
 
 import pytest
 
 from cablefem.scene.line import Line
-from tests.motion.lines import broken_laws
+from tests.motion.lines import OVER, broken_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns
 
 LAW = "timetables"
@@ -44,3 +44,11 @@ def test_a_percent_of_speed_or_acceleration_is_seen(key):
     line = hot_line("haul", TRAPEZOID | {"from": 150.0, "to": 180.0}, False)
     ladder = LineRuns(ELEMENTS, line).ladder(2, 2)
     assert LAW in broken_laws(line.replace({f"car.car.travel.{key}": "+1%"}).to_toml(), ladder)
+
+
+@pytest.mark.parametrize("solver", [ELEMENTS, SINES], ids=lambda x: x.name)
+def test_a_car_that_comes_to_a_shoe_of_another_length_is_seen(solver):
+    line = Line.from_toml(OVER)
+    ladder = LineRuns(solver, line).ladder(2, 2)
+    assert "places of events" not in broken_laws(OVER, ladder)
+    assert "places of events" in broken_laws(line.replace({"contact.tower.shoe": 5.1}).to_toml(), ladder)

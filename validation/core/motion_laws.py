@@ -38,7 +38,7 @@ from validation.core.stored_files import Entries, damaged_files_are_faults, read
 from validation.core.timetable import Timetable
 
 WINDOWS = 12
-BRAKE_EVENTS = ("brakes", "leaves a brake")
+SHOE_VERBS = ("lands on", "leaves")
 # kinds of design numbers, and their columns of a car's file
 COLUMN_OF_QUANTITY = {
     "haul": "F_haul",
@@ -379,8 +379,8 @@ def timetable_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
     return np.array([max(max(defects) - ROUNDING, 0.0)])
 
 
-def brake_place_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
-    """Largest distance (1,) of a place where a car comes to a brake, or leaves one, from the TOML's, over the rope.
+def event_place_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
+    """Largest distance (1,) of cars at events of brakes and shoes from where the TOML has these, over the rope.
 
     1 if a brake acts at the end, or does not, against the place of its car.
 
@@ -388,19 +388,26 @@ def brake_place_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
     """
     motion = moved.motion
     length = float(motion.s[-1] - motion.s[0])
+    located_to = 1e-6  # of the length: steps end at events to the tolerance of Newton's method
+    shoes = [contact for contact in line.contacts if contact.get("shoe")]
     defects = [0.0]
     for car in motion.cars:
-        places = np.array([brake["from"] for brake in line.cars[car.name].get("drive", {}).get("brake", [])])
 
-        def distance(s: float, places: Array = places) -> float:
-            return float(np.abs(places - s).min(initial=length)) / length
+        def times_of_event(name: str, car: Any = car) -> list[float]:
+            return [t for event, t in moved.events if event == f"{car.name} {name}"]
 
-        begun, ended = ([t for event, t in moved.events if event == f"{car.name} {name}"] for name in BRAKE_EVENTS)
-        defects += [distance(s) for s in np.interp(begun + ended, motion.t, car.s)]
-        passed = int(np.sum(places <= car.s[-1])) - int(np.sum(places <= car.s[0]))
-        if len(begun) - len(ended) != passed and distance(car.s[-1]) > ROUNDING:
-            defects.append(1.0)
-    return np.array([max(max(defects) - ROUNDING, 0.0)])
+        brakes = np.array([brake["from"] for brake in line.cars[car.name].get("drive", {}).get("brake", [])])
+        begun, ended = map(times_of_event, ("brakes", "leaves a brake"))
+        distances = [np.abs(brakes - s).min(initial=length) for s in np.interp(begun + ended, motion.t, car.s)]
+        for shoe in shoes:
+            times = [t for verb in SHOE_VERBS for t in times_of_event(f"{verb} the shoe of {shoe['name']}")]
+            from_saddle = np.abs(np.interp(times, motion.t, car.point[:, 0]) - shoe["at"][0])
+            distances += np.abs(from_saddle - shoe["shoe"]).tolist()
+        defects += [float(distance) / length for distance in distances]
+        passed = int(np.sum(brakes <= car.s[-1])) - int(np.sum(brakes <= car.s[0]))
+        ends_at_brake = np.abs(brakes - car.s[-1]).min(initial=length) <= located_to * length
+        defects.append(float(len(begun) - len(ended) != passed and not ends_at_brake))
+    return np.array([max(max(defects) - located_to, 0.0)])
 
 
 def _any_free_car_sticks(line: LineTables, motion: Any) -> bool:
@@ -421,8 +428,9 @@ def laws_of_runs(line: LineTables) -> dict[str, Callable[..., Array]]:
     laws: dict[str, Callable[..., Array]] = {}
     if any("travel" in car for car in line.cars.values()):
         laws["timetables"] = timetable_defects
-    if any(car.get("drive", {}).get("brake") for car in line.cars.values()):
-        laws["places of brakes"] = brake_place_defects
+    braked = any(car.get("drive", {}).get("brake") for car in line.cars.values())
+    if braked or any(contact.get("shoe") for contact in line.contacts):
+        laws["places of events"] = event_place_defects
     return laws
 
 
