@@ -61,6 +61,15 @@ def test_both_solvers_of_a_line_come_nearer_the_finer_they_are(charted):
     assert charted[0]["reference"]["witness_path"] < 1e-4
 
 
+def test_a_run_that_is_the_reference_has_no_error(tmp_path):
+    """A short time leaves a reference that is among the charted runs: its distance from itself says nothing."""
+    chart = chart_line(Line.from_toml(HARD), tmp_path, budget=1.0, ladder=((2, 2),))
+    (row,) = (row for row in chart["rows"] if row["series"] == "elements")
+    assert row["settings"] == chart["reference"]["settings"]
+    assert (row["status"], row["path_error"]) == ("failed", None)
+    assert "it is the reference" in row["reason"]
+
+
 def test_a_scheme_of_first_order_halves_its_error_with_half_the_steps(charted):
     rows = rows_by_settings(charted[0], "scheme newmark")
     assert rows[2, 2]["path_error"] == pytest.approx(0.5 * rows[1, 1]["path_error"], rel=0.3)

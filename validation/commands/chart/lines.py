@@ -122,9 +122,11 @@ class _Reference:
         }
 
     def failure_reason(self, moved: LineRun) -> str | None:
-        """Why a run is not comparable: it broke, or ends otherwise than the reference does."""
+        """Why a run is not comparable: it broke, is the reference, or ends otherwise than the reference does."""
         if moved.reason is not None:
             return moved.reason
+        if moved is self.run:
+            return "it is the reference: a larger --budget takes a finer one"
         same_end = 0.02  # of the duration
         if abs(moved.end - self.run.end) <= same_end * self.run.end:
             return None
