@@ -98,7 +98,7 @@ class BandDerivatives:
         from cablefem.elements.kernels.banded import factorise_in_place, solve_factored_in_place  # slow to load
 
         parts = (self.ab, self.columns, self.rows, self.corner)
-        ab, columns, rows, corner = (c[0] * by_q + c[1] * by_v + c[2] * by_a for by_q, by_v, by_a in parts)
+        ab, columns, rows, corner = (_weighted_sum(np.array(c), part) for part in parts)
         ab[self.dropped, self.b] = 1.0
         corner[self.dropped_of_border, self.dropped_of_border] = 1.0
         factorise_in_place(ab, None)
@@ -107,6 +107,13 @@ class BandDerivatives:
             solve_factored_in_place(ab, None, column)
         schur = corner - rows @ from_border.T
         return BandFactors(ab, from_border, rows, np.linalg.inv(schur))
+
+
+def _weighted_sum(weights: Any, arrays: Array) -> Any:
+    """Sum of the arrays (3, ...) times real or complex weights (3,), whose parts are multiplied as real numbers."""
+    parts = weights.view(float).reshape(3, -1)
+    sums = arrays.reshape(3, -1).T @ parts  # (entries, 1 or 2)
+    return sums.view(weights.dtype).reshape(arrays.shape[1:])
 
 
 class BandFactors(NamedTuple):
