@@ -130,7 +130,7 @@ def test_what_no_method_computes_is_said():
 @pytest.mark.parametrize(
     ("changed", "message"),
     [({"model": "ful"}, "model = 'ful': must be"), ({"so_that": None}, "so_that = None: must be a text"),
-     ({"keys": {"mass.mass": ("a", "b")}}, "mass.mass = 'a': must be a number"),
+     ({"keys": {"mass.mass": ("a", "b")}}, "mass.mass = 'a': must be a finite number"),
      ({"all_of": {"drive.wind": -1.0}}, "all_of = .*lists of values")],
 )  # fmt: skip
 def test_find_names_what_it_cannot_take(changed, message):

@@ -122,6 +122,18 @@ def test_what_drives_a_free_car_is_its_thrust():
     assert {"haul_force_max", "haul_force_min"}.isdisjoint(by)
 
 
+def test_a_thrust_that_is_zero_for_a_while_is_as_computed():
+    """Its mean over an axial round trip is zero to rounding, which no bar of its own size covers."""
+    thrust = {"times": [2.0, 5.0, 9.0], "forces": [0.0, 80.0, 0.0]}
+    r = run(RIDER.replace({"drive.thrust": thrust}), "following-p2", elements=8, steps=500)
+    r = replace(r, design=design_numbers(r))
+    least = next(row for row in r.design if row["quantity"] == "thrust_min")
+    assert least["value"] == 0.0
+    off = replace(r, design=[least | {"value": -1e-15}])
+    assert wrong_quantities(recomputed.recomputed_design_rows(r)) == set()
+    assert wrong_quantities(recomputed.recomputed_design_rows(off)) == set()
+
+
 def test_a_bar_is_no_less_than_the_gap_to_the_twin(ladder_with_numbers):
     _, ladder, numbers = ladder_with_numbers
     deeper = ladder.map(lambda r: replace(r, y=r.y + 1.0, v=r.v + 1.0))

@@ -64,20 +64,21 @@ def recomputed_design_rows(r: Response, counterpart: Response | None = None) -> 
         peaks = [False] if row.get("peak") is None else [False, True]
         for peak in peaks:
             if numbers.has_second_computation(quantity):
-                yield _printed_number_row(r, row, numbers.number(quantity, averaged=not peak), peak)
+                expected = numbers.number(quantity, averaged=not peak)
+                size = max(numbers.largest_size(quantity), abs(expected or 0.0)) or 1.0
+                yield _printed_number_row(r, row, expected, size, peak)
             else:
                 yield Agreement("design", math.nan, no_bound("printed without a second computation"), law=quantity)
 
 
-def _printed_number_row(r: Response, row: dict[str, Any], expected: float | None, peak: bool) -> Agreement:
-    """The value or the peak of a printed row against the expected one."""
+def _printed_number_row(r: Response, row: dict[str, Any], expected: float | None, size: float, peak: bool) -> Agreement:
+    """The value or the peak of a printed row against the expected one;  size : of the largest such value."""
     printed = row["peak" if peak else "value"]
     bar = row["bar_peak" if peak else "bar"] or 0.0
     law = row["quantity"] + (" peak" if peak else "")
     where = None if row["s_o"] is None else row["s_o"] / r.length
     if printed is None or expected is None:
         return _recomputed_row(r, "design", law, 0.0 if printed is expected else 1.0, ROUNDING, where)
-    size = abs(expected) or 1.0
     return _recomputed_row(r, "design", law, abs(printed - expected) / size, bar / size + ROUNDING, where)
 
 
@@ -129,6 +130,11 @@ class RecomputedNumbers:
             of_timetable = self.timetable.top_speed
             return max(of_timetable, self._extreme(kind, averaged) or 0.0)
         return self._extreme(kind, averaged)
+
+    def largest_size(self, quantity: str) -> float:
+        """Largest size of the values of which a number is an extreme; 0 where it is of none."""
+        signals = self._signals_of_kind(quantity) or []
+        return max((float(np.nanmax(np.abs(values), initial=0.0)) for _, values in signals), default=0.0)
 
     def _extreme(self, kind: str, averaged: bool) -> float | None:
         """Smallest or largest value of a signal over the time span; None where nothing is known."""
