@@ -113,14 +113,17 @@ def _source_stamp(source_file: str) -> bytes:
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).digest()
 
 
-def compiling_decorator(source_file: str, *, inner: bool = False) -> Callable[[Callable], Any]:
+def compiling_decorator(source_file: str, *, inner: bool = False, shared: bool = False) -> Callable[[Callable], Any]:
     """The decorator of compiled functions in the folder of a source file, and below.
 
     inner : only compiled functions call it, which take it in; compiling is faster by a third.
+    shared : of an inner one, a caller takes in one copy for all its calls; compiling calls of large ones is faster.
     A change in any source file there, or in the driver's, compiles all anew: numba misses changes in called functions.
     """
     stamp = b"" if inner else _source_stamp(source_file)  # what others take in is not kept
-    special: Any = {"no_cpython_wrapper": True, "pipeline_class": _InnerCompiler, "forceinline": True} if inner else {}
+    special: Any = {}
+    if inner:
+        special = {"no_cpython_wrapper": True, "pipeline_class": _InnerCompiler, "forceinline": not shared}
 
     def compiled(function: Callable) -> Any:
         fast: Any = njit(**OPTIONS, **special)(function)

@@ -6,6 +6,7 @@ from cablefem.compiled import compiling_decorator
 
 compiled = compiling_decorator(__file__)
 inner = compiling_decorator(__file__, inner=True)
+shared = compiling_decorator(__file__, inner=True, shared=True)
 
 LAWS = ("elastic", "tension-only")  # a law is its index to compiled code
 

@@ -45,12 +45,14 @@ def test_a_law_that_changes_is_not_missed_by_who_has_taken_it_in(tmp_path, monke
     assert (freshly_imported(name)(3) == 26) is whole
 
 
-def test_an_inner_function_serves_compiled_ones_and_refuses_others():
+@pytest.mark.parametrize("shared", [False, True])
+def test_an_inner_function_serves_compiled_ones_and_refuses_others(shared):
     def half(x):
         return 0.5 * x
 
-    inner, compiled = compiling_decorator(__file__, inner=True)(half), compiling_decorator(__file__)
-    assert compiled(lambda x: inner(x) + 1.0)(3.0) == 2.5
+    inner = compiling_decorator(__file__, inner=True, shared=shared)(half)
+    compiled = compiling_decorator(__file__)
+    assert compiled(lambda x: inner(x) + inner(x + 2.0))(3.0) == 4.0
     with pytest.raises(TypeError, match="half is for compiled functions"):
         inner(3.0)
 

@@ -27,7 +27,7 @@ from galerkin.kernels.instant import (
     quadrature_points_at,
 )
 from galerkin.kernels.rolling import Car, CarHistory, Ride
-from galerkin.law import compiled, inner
+from galerkin.law import compiled, inner, shared
 
 if TYPE_CHECKING:
     from cablefem.newmark import Newton
@@ -182,7 +182,7 @@ def has_prescribed_position(ride: Ride | None) -> bool:
     return ride.mode == rolling.HAULED
 
 
-@inner
+@shared
 def set_tangent(
     now: Instant, ride: Ride | None, sines: CableSines, workspace: Workspace, car: Car, c: RealTangentFactors
 ) -> None:

@@ -8,3 +8,4 @@ from cablefem.compiled import compiling_decorator
 
 compiled = compiling_decorator(__file__)
 inner = compiling_decorator(__file__, inner=True)
+shared = compiling_decorator(__file__, inner=True, shared=True)

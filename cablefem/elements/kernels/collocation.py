@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cablefem.elements.kernels import compiled, inner
+from cablefem.elements.kernels import compiled, inner, shared
 from cablefem.elements.kernels.balance import (
     Cable,
     Instant,
@@ -169,7 +169,7 @@ def cannot_converge(norm: float, before: float, iterations: int, newton: Newton)
     return norm * (norm / before) ** (newton.enough - iterations) > newton.bound
 
 
-@inner
+@shared
 def set_states_and_residuals_return_norm(
     cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, result: Array
 ) -> float:
