@@ -29,13 +29,13 @@ TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
 def positions_between_jumps(t: Array, s: Array) -> Array:
     """Positions s (n, ...) that tell which brakes act at times t (n,).
 
-    Where a time stands twice a brake may begin or end to act, at a place known to rounding of a step only: the state
-    before takes the position before it, the one after that after it.
+    Where a time stands twice a brake may begin or end to act, at a place known to rounding of a step only: both states
+    there are moved half-way to their neighbours.
     """
     first = np.flatnonzero(np.diff(t) <= 0.0)
     out = s.copy()
-    out[first + 1] = s[np.minimum(first + 2, t.size - 1)]
-    out[first] = s[np.maximum(first - 1, 0)]
+    out[first] = 0.5 * (s[first] + s[np.maximum(first - 1, 0)])
+    out[first + 1] = 0.5 * (s[first + 1] + s[np.minimum(first + 2, t.size - 1)])
     return out
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,7 +10,7 @@ from numpy.polynomial import legendre
 
 from cablefem.line_in_motion import positions_between_jumps
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
-from cablefem.newmark import State
+from cablefem.newmark import State, stack_states
 from cablefem.scene.contacts import Array, Contact, MovingLine
 from cablefem.shoes import OffRopeState, contacts_with_shoe_forces, downward_normals, off_rope_motion_and_powers
 from galerkin import kernels
@@ -98,12 +97,13 @@ def _rope_history(system: LineSines, states: Sequence[State], s: Array) -> RopeH
 
 def _contact_state_off_rope(system: LineSines, car: CarOffRope, states: Sequence[State]) -> ContactState:
     """What acts on a car off the rope at all states."""
-    values = []
-    for phase, of in itertools.groupby(states, key=lambda x: x.phase):
-        t, q, v, a = (np.array(rows) for rows in list(zip(*of, strict=True))[:4])
-        Z = system.coordinates_from_unknowns(t, q, v, a, phase)
-        values.append(car.contact_state(t, Z, phase).values)
-    return ContactState(np.concatenate(values))
+    t, q, v, a, phases = stack_states(states)
+    values = np.empty((t.size, 1, ContactState.size))
+    for phase in np.unique(phases).tolist():
+        of = phases == phase
+        Z = system.coordinates_from_unknowns(t[of], q[of], v[of], a[of], phase)
+        values[of] = car.contact_state(t[of], Z, phase).values
+    return ContactState(values)
 
 
 def _motion_and_powers_off_rope(

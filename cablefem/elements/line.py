@@ -34,12 +34,21 @@ Fields = dict[str, Array]  # data of the forms
 DEGREE = 4
 ORDER = 12  # of quadrature
 SOFTEST = 5.0  # first EA over H
-STAGE = 0.25  # change of softness
-SMALL_STAGE = 0.03  # close to the smallest force of a pulley the rest moves far as the rope stiffens
-HEAVIER = 0.25  # share of its force that the softest rope needs more at a pulley: it sags off it earlier
-ROUGH = 1e-3  # last step over the reach, for a soft rope
 LAST = 1e-9  # last step over the reach
 SLACK = 0.1  # smallest tension of the tangent, over that of the guess
+
+
+class Stages(NamedTuple):
+    """How a soft rope becomes stiff."""
+
+    smallest: float = 0.25  # change of softness; the first is the usual one
+    heavier: float = 0.0  # share of its force that the softest rope has more at a pulley: it sags off it earlier
+    rough: float = 1e-2  # last step over the reach, for a soft rope
+
+
+USUAL = Stages()
+# close to the smallest force of a pulley the rest moves far as the rope stiffens
+CAREFUL = Stages(smallest=0.03, heavier=0.25, rough=1e-3)
 
 
 def _dot_slope(vector, field):
@@ -169,9 +178,9 @@ class _LineBatch:
         of_stations = np.repeat(self.owner, 3)[free.ravel()]
         self.case_of = np.concatenate([of_stations, of_nodes[inner]])
 
-    def _set_loads(self, softness: Array) -> None:
+    def _set_loads(self, softness: Array, heavier: float) -> None:
         """Set constant loads and prescribed tensions; those of a pulley are larger where the rope is soft."""
-        factor = (1.0 + HEAVIER * softness)[self.owner]
+        factor = (1.0 + heavier * softness)[self.owner]
         self.load = np.zeros(self.size)
         for k, p in enumerate(self.stations):
             case = self.cases[self.owner[k]]
@@ -328,38 +337,41 @@ class _LineBatch:
     def residual_norm_per_case(self, R: Array) -> Array:
         return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
 
-    def solve(self, smallest_stage: float) -> list[LineState | NoLineAtRest]:
+    def solve(self, stages: Stages) -> list[LineState | NoLineAtRest]:
         """Each case at rest; LineNotConverged where the residual of a case falls no further.
 
         From stages where it does not, a case goes back and takes half of them, down to the smallest one.
         Raises LineNotConverged if a singular case spoils the step of all, or if there are too many steps.
         """
         softness = np.ones(len(self.cases))
-        stage = np.full(len(self.cases), STAGE)
+        stage = np.full(len(self.cases), USUAL.smallest)
         failed = np.zeros(len(self.cases), bool)
-        self._iterate_newton(softness, ROUGH, failed)
+        self._iterate_newton(softness, stages, stages.rough, failed)
         while (soft := ~failed & (softness > 0.0)).any():
             X = self.X
             harder = np.where(soft, np.maximum(softness - stage, 0.0), softness)
             stuck = ~soft
-            self._iterate_newton(harder, ROUGH if (harder[soft] > 0.0).all() else LAST, stuck)
+            tolerance = stages.rough if (harder[soft] > 0.0).all() else LAST
+            self._iterate_newton(harder, stages, tolerance, stuck)
             back = stuck & soft
             self.X = np.where(back[self.case_of], X, self.X)
             softness = np.where(back, softness, harder)
             stage[back] *= 0.5
-            failed |= stage < smallest_stage
-        self._iterate_newton(softness, LAST, failed)  # one step more: what the last one leaves may exceed a bar
+            failed |= stage < stages.smallest
+        self._iterate_newton(softness, stages, LAST, failed)  # one step more: what the last one leaves may exceed a bar
         solved: list[LineState | NoLineAtRest] = [*self._states()]
         for i in np.flatnonzero(failed).tolist():
             solved[i] = LineNotConverged("no state of rest was found")
         return solved
 
-    def _iterate_newton(self, softness: Array, tolerance: float, stuck: NDArray[np.bool_]) -> None:
+    def _iterate_newton(
+        self, softness: Array, stages: Stages, tolerance: float, stuck: NDArray[np.bool_]
+    ) -> None:  # fmt: skip
         """Set X by Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,).
 
         softness : see `form_data`.  tolerance : of the last step, over the reach.
         """
-        self._set_loads(softness)
+        self._set_loads(softness, stages.heavier)
         fields = self.form_data(self.X, softness)
         R, slope = self.residual_and_condition_slopes(self.X, fields)
         near = 1e-6  # residual over H for undamped steps
@@ -419,9 +431,9 @@ def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLineAt
     carried = [(case, x) for case, x in zip(cases, starts, strict=True) if isinstance(x, Start)]
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", MatrixRankWarning)
-        states = _solve_with_guesses(carried, elements, STAGE)
+        states = _solve_with_guesses(carried, elements, USUAL)
         unsolved = [i for i, x in enumerate(states) if isinstance(x, NoLineAtRest)]
-        again = _solve_with_guesses([carried[i] for i in unsolved], elements, SMALL_STAGE)
+        again = _solve_with_guesses([carried[i] for i in unsolved], elements, CAREFUL)
     for i, x in zip(unsolved, again, strict=True):
         states[i] = x
     solved = iter(states)
@@ -429,16 +441,16 @@ def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLineAt
 
 
 def _solve_with_guesses(
-    cases: Sequence[tuple[Case, Start]], elements: int, smallest_stage: float
+    cases: Sequence[tuple[Case, Start]], elements: int, stages: Stages
 ) -> list[LineState | NoLineAtRest]:
     """The same with a first guess of each case; if the equations of a case are singular, both halves apart."""
     if not cases:
         return []
     try:
-        return _LineBatch(cases, elements).solve(smallest_stage)
+        return _LineBatch(cases, elements).solve(stages)
     except NoLineAtRest as error:
         half = len(cases) // 2
         if not half:
             return [error]
-        first = _solve_with_guesses(cases[:half], elements, smallest_stage)
-        return first + _solve_with_guesses(cases[half:], elements, smallest_stage)
+        first = _solve_with_guesses(cases[:half], elements, stages)
+        return first + _solve_with_guesses(cases[half:], elements, stages)

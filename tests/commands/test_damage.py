@@ -12,7 +12,7 @@ from validation import cli
 from validation.commands.run.line import answer_line
 from validation.commands.run.motion import ELEMENTS, LineRuns, motion_answers
 from validation.core import line_laws, readback
-from validation.core.stored_files import DamagedFileError, read_csv_columns
+from validation.core.stored_files import DamagedFileError, read_csv_columns, read_csv_rows, read_json
 from validation.page import line, motion
 
 
@@ -106,6 +106,26 @@ def test_files_of_one_span(tmp_path):
         yield from readback.file_faults(readback.StoredResults(tmp_path, [method], judged=False))
 
     assert_columns_are_missed(faults_of_damaged_files(tmp_path, [read]))
+
+
+@pytest.mark.parametrize("content", [b"x,y\n", b"", b"x,y\n1.0,\xff\n"])
+@pytest.mark.parametrize("read", [read_csv_columns, read_csv_rows, read_json])
+def test_a_file_that_ends_too_early_or_is_no_text_is_named(tmp_path, read, content):
+    file = tmp_path / "file"
+    file.write_bytes(content)
+    if read is read_csv_rows and b"1.0" not in content:
+        assert read(file) == []  # of no position
+        return
+    with pytest.raises(DamagedFileError, match="file: "):
+        read(file)
+
+
+@pytest.mark.parametrize("row", ["1", "1,2,3"])
+def test_a_row_of_another_length_is_named(tmp_path, row):
+    file = tmp_path / "positions.csv"
+    file.write_text(f"a,b\n1,2\n{row}\n")
+    with pytest.raises(DamagedFileError, match=r"positions.csv: row 3: not as many cells"):
+        read_csv_rows(file)
 
 
 def test_a_cell_that_is_no_number_is_named_with_its_row(tmp_path):

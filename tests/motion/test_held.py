@@ -153,6 +153,11 @@ def test_a_brake_acts_from_its_event_on_though_the_step_there_overshoots():
     s = np.array([0.0, 5.0, 10.0, 10.0, 12.0, 10.0, 10.0, 8.0]) + 1e-6  # reaches 10 m, and leaves it again
     acts = positions_between_jumps(t, s) >= 10.0
     assert acts.tolist() == [False, False, False, True, True, True, False, False]
+    t = np.array([0.0, 1.0, 1.0, 2.0, 2.0, 3.0])
+    s = np.array([0.0, 10.0, 10.0, 20.0, 20.0, 25.0]) + 1e-6  # two brakes within one step
+    position = positions_between_jumps(t, s)
+    assert (position >= 10.0).tolist() == [False, False, True, True, True, True]
+    assert (position >= 20.0).tolist() == [False, False, False, False, True, True]
 
 
 def test_energy_of_a_ride_without_friction_and_drag_is_over_what_it_takes_from_its_weight():

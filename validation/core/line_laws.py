@@ -564,7 +564,7 @@ class _PrintedLine:
                 kind, _, subject = name.partition(":")
                 where = f"{subject or 'the line'}, position {i + 1}"
                 expected = numbers.get(name)
-                cell: Any = cells[name] or ""
+                cell: Any = cells[name]
                 if isinstance(expected, float):
                     cell = _float_or_none(cell)
                 else:

@@ -80,6 +80,16 @@ class RopeContact:
         return self.kink + rho * self.ds**2 * self.turn
 
 
+def drive_mode(car: dict[str, Any]) -> str:
+    """How the car of a table is driven: grip, haul or free."""
+    return str(car.get("drive", {}).get("mode", "grip"))
+
+
+def is_hauled_in_x(car: dict[str, Any], contact_count: int) -> bool:
+    """Whether the travel of a car is of its x: of one that is hauled over several spans."""
+    return drive_mode(car) == "haul" and contact_count > 2
+
+
 class CarBody:
     """The body of a car."""
 
@@ -96,7 +106,7 @@ class CarBody:
         self.held_by_friction = np.zeros(self.t.size, bool)  # a free car that stands on the rope
         point = to_complex(sampled(car.point))
         velocity = to_complex(sampled(car.velocity))
-        in_x = data.get("drive", {}).get("mode") == "haul" and len(motion.contacts) > 2  # of several spans
+        in_x = is_hauled_in_x(data, len(motion.contacts))
         self.travel_rate = velocity.real if in_x else sampled(car.ds)
         self.arms = [0.0 * point]  # contact less c
         self.touching = [RopeContact(car, car.contact_force, sampled)]
@@ -151,7 +161,7 @@ class CarBody:
         described = thrust if isinstance(thrust, dict) else {}
         at = described.get("at", (0.0, 0.0))
         angle = math.radians(described.get("angle", 0.0))
-        if drive.get("mode") == "haul":
+        if drive_mode(self.data) == "haul":
             force = sampled(car.haul_force)
             at = drive.get("hitch", at)
             angle = 0.0
@@ -190,17 +200,18 @@ class CarBody:
         drive = self.data.get("drive", {})
         front = self.touching[-1]
         direction = self._direction_of_travel()
-        s = sampled(car.s).copy()
-        for i in np.flatnonzero(np.diff(self.t) <= 0.0).tolist():  # a brake begins or ends to act between both
-            s[i] = s[max(i - 1, 0)]
-            s[i + 1] = s[min(i + 2, s.size - 1)]
+        at_steps = sampled(car.s)
+        before = np.append(np.diff(self.t) <= 0.0, False)  # a brake begins or ends to act between this and the next
+        after = np.append(False, before[:-1])
+        s = np.where(before, 0.5 * (at_steps + np.roll(at_steps, 1)), at_steps)
+        s = np.where(after, 0.5 * (at_steps + np.roll(at_steps, -1)), s)
         for x, wheel in zip(self.touching[::-1], ("front", "rear"), strict=False):
             brake = self._braking_force(wheel, s)
             off_shoe = x.load_taken_by_shoe == 0.0  # a shoe has no friction
             rolling = drive.get("rolling_friction", 0.0) * np.abs(x.load) * off_shoe
             self.resistance = self.resistance + rolling + brake
             x.along = -direction * (rolling + brake)
-        if drive.get("mode", "grip") == "grip":
+        if drive_mode(self.data) == "grip":
             front.along = sampled(car.grip_force)
         held = motion.powers.get(f"{car.name} hold")
         if held is not None:

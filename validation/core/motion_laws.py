@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
-from validation.core.motion_bodies import CarBody, to_complex, to_vectors
+from validation.core.motion_bodies import CarBody, drive_mode, is_hauled_in_x, to_complex, to_vectors
 from validation.core.scene_data import (
     ROUNDING,
     Array,
@@ -69,10 +69,6 @@ class LineTables(LineData):
         for car in self.cars.values():
             for brake in car.get("drive", {}).get("brake", []):
                 brake["from"] *= self.heat
-
-    def drive_mode(self, car: str) -> str:
-        """How the car of this name is driven: grip, haul or free."""
-        return str(self.cars[car].get("drive", {}).get("mode", "grip"))
 
     @property
     def counterweights(self) -> list[Counterweight]:
@@ -363,7 +359,7 @@ def timetable_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
         travel = line.cars[car.name].get("travel")
         if travel is None:
             continue
-        in_x = line.drive_mode(car.name) == "haul" and len(line.contacts) > 2  # of several spans
+        in_x = is_hauled_in_x(line.cars[car.name], len(line.contacts))
         positions = (car.point[:, 0] if in_x else car.s / line.heat)[steps]
         begin = travel.get("from", 0.0)
         if travel["kind"] == "table":
@@ -413,7 +409,7 @@ def event_place_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
 def _any_free_car_sticks(line: LineTables, motion: Any) -> bool:
     """Whether friction holds a free car for a while."""
     for car in motion.cars:
-        free = line.drive_mode(car.name) == "free"
+        free = drive_mode(line.cars[car.name]) == "free"
         stands = car.ds == 0.0
         if free and np.any(stands[:-1] & stands[1:]):
             return True
@@ -536,7 +532,7 @@ class _LineFiles:
             values = self.line.data["cable"]["breaking_load"] / self._averaged_series("tension")
         else:
             values = self._averaged_series(f"{name}:{of}" if of else name)
-        if name in ("grip", "contact") and self.line.drive_mode(of) == "grip":
+        if name in ("grip", "contact") and drive_mode(self.line.cars[of]) == "grip":
             values = self._moving_means(values)  # a car that grips rings: means of means
         now = self.t == self.t[np.argmin(np.abs(self.t - number["t"]))]
         pick = np.max if word == "max" else np.min

@@ -43,19 +43,28 @@ def json_of_text(file: Path, text: str) -> Any:
         raise DamagedFileError(file, error) from None
 
 
+def _text_of_file(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise DamagedFileError(file, error) from None
+
+
 def read_json(file: Path) -> Any:
     """What a JSON file says, objects as Entries.  Raises DamagedFileError."""
-    return json_of_text(file, file.read_text(encoding="utf-8"))
+    return json_of_text(file, _text_of_file(file))
 
 
 def read_csv_columns(file: Path) -> Entries:
     """Columns (n,) of a CSV of numbers; empty cells are nan.
 
-    Raises DamagedFileError where a row has another length or a cell is no number.
+    Raises DamagedFileError where there is no row, a row has another length or a cell is no number.
     """
     import numpy as np  # slow to load
 
-    header, *lines = file.read_text(encoding="utf-8").rstrip().split("\n")
+    header, *lines = _text_of_file(file).rstrip().split("\n")
+    if not lines:
+        raise DamagedFileError(file, "no rows")
     names = next(csv.reader([header]))
     rows = [line.split(",") for line in lines]
     table = np.empty((len(rows), len(names)))
@@ -71,9 +80,13 @@ def read_csv_columns(file: Path) -> Entries:
 
 
 def read_csv_rows(file: Path) -> list[dict[str, str]]:
-    """Rows of a CSV, cells as text by column, each as Entries."""
-    with file.open(encoding="utf-8", newline="") as text:
-        return [Entries(file, "column", row) for row in csv.DictReader(text)]
+    """Rows of a CSV, cells as text by column, each as Entries.  Raises DamagedFileError as `read_csv_columns` does."""
+    rows: list[dict[str, str]] = []
+    for i, row in enumerate(csv.DictReader(_text_of_file(file).splitlines())):
+        if None in row or None in row.values():
+            raise DamagedFileError(file, f"row {i + 2}: not as many cells as names")
+        rows.append(Entries(file, "column", row))
+    return rows
 
 
 def damaged_files_are_faults(reader: Callable[..., Iterator[str]]) -> Callable[..., Iterator[str]]:

@@ -62,7 +62,7 @@ class Coordinates(NamedTuple):
 class Bands(NamedTuple):
     """See `bordered.BandDerivatives`."""
 
-    ab: Array  # (3, n, 2 b + 1)
+    ab: Array  # (3, n, 2 b + 1); of one order (n, 2 b + 1), and the others alike
     columns: Array
     rows: Array
     corner: Array

@@ -207,10 +207,10 @@ def _text_of_value(value: Any) -> str:
 
 
 def read_rows(out: Path, *columns: str) -> "DataFrame":
-    """All rows as a pandas.DataFrame, by index; with these columns, if some are named.
+    """All rows as a pandas.DataFrame, by index; with these columns, if some are named, which all versions have stored.
 
-    Results that another version did not store are empty.  Raises Refused for a file that cannot be read, as after a
-    loss of power.
+    Else results that another version did not store are empty.  Raises Refused for a file that cannot be read, as
+    after a loss of power.
     """
     import pyarrow
     from pyarrow import parquet

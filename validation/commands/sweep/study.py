@@ -23,7 +23,7 @@ from cablefem.scene.scene import PACES
 from validation.commands.run import CHOICES, QUASI_STATIC
 from validation.commands.sweep import families
 from validation.commands.sweep.axes import MAX_POINTS, Axis, Range, parse_grid_axes, parse_sample_axes
-from validation.core.agreement import range_faults
+from validation.core.agreement import TOL_HIGH, TOL_LOW, range_faults
 from validation.core.methods import METHODS, find_method, methods_of_other_packages
 from validation.core.store import Refused
 
@@ -31,7 +31,6 @@ GROUPS = ("sag_ratio", "mu", "alpha", "speed_ratio")  # of `Scene.variant`
 FREE = ("slope", "travel", "span", "rho", "gravity")  # besides them, of `Scene.from_groups`: without a base scene
 Point = dict[str, Any]  # values of the axes by name
 RUN_OPTIONS = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
-TOL_RANGE = (1e-6, 0.2)
 WORDS = {  # what an axis of words takes
     **{name: [x for x in choices if x != QUASI_STATIC] for name, choices in CHOICES.items()},
     "travel": list(PACES),
@@ -81,7 +80,7 @@ class Study(Part):
     method: Annotated[str, AfterValidator(_require_known_method)] | None = None  # None: the cheapest that will do
     # of the method; of job power `families.scene_and_fault_key`
     settings: dict[str, Any] = Field(default_factory=dict)
-    tol: Annotated[float, number_between(*TOL_RANGE)] | None = None
+    tol: Annotated[float, number_between(TOL_LOW, TOL_HIGH)] | None = None
     seconds: Annotated[float, number_between(0.1, 86_400.0)] = 120.0  # a scene may take
     vary: Annotated[dict[str, Axis], PlainValidator(parse_grid_axes)] | None = None  # the full grid of all axes
     sample: Sample | None = None
@@ -158,9 +157,8 @@ class Study(Part):
         without_meaning = {
             "run": (), "check": of_run, "advise": of_run, "power": ("scene", "method", "truth", *CHOICES),
         }[self.job]  # fmt: skip
-        faults = [
-            f"{x}: job {short_text(self.job)} does not take it" for x in [*given, *self.axes] if x in without_meaning
-        ]
+        named = dict.fromkeys([*given, *self.axes])
+        faults = [f"{x}: job {short_text(self.job)} does not take it" for x in named if x in without_meaning]
         if self.job == "power":
             others = [name for name in self.axes if name not in ("case", "tol", *without_meaning)]
             faults += [f"{name}: job 'power' draws its scenes by case" for name in others]
@@ -308,7 +306,7 @@ def _faults_of_axis_values(name: str, axis: Axis) -> list[str]:
             if x not in WORDS[name]
         ]
     if name == "tol":
-        return [fault for x in values for fault in range_faults(name, x, *TOL_RANGE)]
+        return [fault for x in values for fault in range_faults(name, x, TOL_LOW, TOL_HIGH)]
     if name == "case":
         return [f"case = {short_text(x)}: must be a whole number >= 0" for x in values if not _is_whole_number(x)]
     return []
