@@ -38,6 +38,7 @@ from validation.core.stored_files import Entries, damaged_files_are_faults, read
 from validation.core.timetable import Timetable
 
 WINDOWS = 12
+BRAKE_EVENTS = ("brakes", "leaves a brake")
 SHOE_VERBS = ("lands on", "leaves")
 # kinds of design numbers, and their columns of a car's file
 COLUMN_OF_QUANTITY = {
@@ -69,6 +70,10 @@ class LineTables(LineData):
         for car in self.cars.values():
             for brake in car.get("drive", {}).get("brake", []):
                 brake["from"] *= self.heat
+
+    def brake_positions(self, car: str) -> Array:
+        """s (n,) [m] at which the brakes of a car begin."""
+        return np.array([brake["from"] for brake in self.cars[car].get("drive", {}).get("brake", [])])
 
     @property
     def counterweights(self) -> list[Counterweight]:
@@ -385,25 +390,42 @@ def event_place_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
     motion = moved.motion
     length = float(motion.s[-1] - motion.s[0])
     located_to = 1e-6  # of the length: steps end at events to the tolerance of Newton's method
-    shoes = [contact for contact in line.contacts if contact.get("shoe")]
     defects = [0.0]
     for car in motion.cars:
-
-        def times_of_event(name: str, car: Any = car) -> list[float]:
-            return [t for event, t in moved.events if event == f"{car.name} {name}"]
-
-        brakes = np.array([brake["from"] for brake in line.cars[car.name].get("drive", {}).get("brake", [])])
-        begun, ended = map(times_of_event, ("brakes", "leaves a brake"))
-        distances = [np.abs(brakes - s).min(initial=length) for s in np.interp(begun + ended, motion.t, car.s)]
-        for shoe in shoes:
-            times = [t for verb in SHOE_VERBS for t in times_of_event(f"{verb} the shoe of {shoe['name']}")]
-            from_saddle = np.abs(np.interp(times, motion.t, car.point[:, 0]) - shoe["at"][0])
-            distances += np.abs(from_saddle - shoe["shoe"]).tolist()
-        defects += [float(distance) / length for distance in distances]
+        distances = [
+            *_distances_at_brake_events(line, moved, car, length),
+            *_distances_at_shoe_events(line, moved, car),
+        ]
+        defects += [distance / length for distance in distances]
+        brakes = line.brake_positions(car.name)
+        begun, ended = (len(_times_of_event(moved, car, event)) for event in BRAKE_EVENTS)
         passed = int(np.sum(brakes <= car.s[-1])) - int(np.sum(brakes <= car.s[0]))
         ends_at_brake = np.abs(brakes - car.s[-1]).min(initial=length) <= located_to * length
-        defects.append(float(len(begun) - len(ended) != passed and not ends_at_brake))
+        defects.append(float(begun - ended != passed and not ends_at_brake))
     return np.array([max(max(defects) - located_to, 0.0)])
+
+
+def _times_of_event(moved: Any, car: Any, name: str) -> list[float]:
+    return [t for event, t in moved.events if event == f"{car.name} {name}"]
+
+
+def _distances_at_brake_events(line: LineTables, moved: Any, car: Any, farthest: float) -> Iterator[float]:
+    """Distances [m] of a car from the nearest brake at its events of brakes; `farthest` without a brake."""
+    brakes = line.brake_positions(car.name)
+    times = [t for event in BRAKE_EVENTS for t in _times_of_event(moved, car, event)]
+    for s in np.interp(times, moved.motion.t, car.s):
+        yield float(np.abs(brakes - s).min(initial=farthest))
+
+
+def _distances_at_shoe_events(line: LineTables, moved: Any, car: Any) -> Iterator[float]:
+    """Distances [m] of a car from the end of a shoe at events of that shoe."""
+    for contact in line.contacts:
+        shoe = contact.get("shoe")
+        if not shoe:
+            continue
+        times = [t for verb in SHOE_VERBS for t in _times_of_event(moved, car, f"{verb} the shoe of {contact['name']}")]
+        x = np.interp(times, moved.motion.t, car.point[:, 0])
+        yield from np.abs(np.abs(x - contact["at"][0]) - shoe).tolist()
 
 
 def _any_free_car_sticks(line: LineTables, motion: Any) -> bool:

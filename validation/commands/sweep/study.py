@@ -162,10 +162,14 @@ class Study(Part):
         if self.job == "power":
             others = [name for name in self.axes if name not in ("case", "tol", *without_meaning)]
             faults += [f"{name}: job 'power' draws its scenes by case" for name in others]
-        if self.job == "run" and (self.tol is not None or "tol" in self.axes):
-            chosen = {"steps", *(method.resolution.setting for method in METHODS.values())}
-            faults += [f"settings.{x}: tol chooses it; leave one of them out" for x in self.settings if x in chosen]
-        return faults
+        return faults + self._faults_of_settings_that_tol_chooses()
+
+    def _faults_of_settings_that_tol_chooses(self) -> list[str]:
+        """Faults of resolution and steps beside a tolerance."""
+        if self.job != "run" or (self.tol is None and "tol" not in self.axes):
+            return []
+        chosen = {"steps", *(method.resolution.setting for method in METHODS.values())}
+        return [f"settings.{x}: tol chooses it; leave one of them out" for x in self.settings if x in chosen]
 
     def _contradiction_faults(self) -> list[str]:
         """Faults of keys of the scene that another axis sets, too; without a base scene all of those do."""
