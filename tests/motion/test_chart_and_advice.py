@@ -9,8 +9,10 @@ from tests.commands.test_files import undocumented_keys
 from tests.motion.test_quasi_static import TRAMWAY
 from validation.commands.advise import page as advice_page
 from validation.commands.advise.lines import advise_on_line
+from validation.commands.chart import lines
 from validation.commands.chart import page as chart_page
 from validation.commands.chart.lines import chart_line
+from validation.commands.run import motion
 
 SLOW = TRAMWAY.replace("top_speed = 8.0", "top_speed = 0.8").replace("eration = 0.5", "eration = 0.02")
 HARD = TRAMWAY.replace("eration = 0.5", "eration = 4.0")
@@ -68,6 +70,33 @@ def test_a_run_that_is_the_reference_has_no_error(tmp_path):
     assert row["settings"] == chart["reference"]["settings"]
     assert (row["status"], row["path_error"]) == ("failed", None)
     assert "it is the reference" in row["reason"]
+
+
+def test_a_chart_of_a_line_ends_within_its_budget_and_names_the_runs_that_it_left_out(tmp_path, monkeypatch):
+    """By a clock that a step moves on: no line of the chart may begin what does not end in time."""
+    now = [0.0]
+
+    integrate_blocks = motion.integrate_blocks
+
+    def slow_steps(*args, **options):
+        for states in integrate_blocks(*args, **options):
+            now[0] += len(states)
+            yield states
+
+    monkeypatch.setattr(motion, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(lines, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(motion, "integrate_blocks", slow_steps)
+    line = Line.from_toml(HARD)
+    lines.chart_line(line, tmp_path, budget=1e-9)
+    of_reference = now[0]
+    budget = 1.2 * of_reference
+    chart = lines.chart_line(line, tmp_path, budget=budget)
+    one_run = 0.25 * of_reference  # it takes 7 of them: 2 x 2, 1 and 1, and is cut between steps only
+    assert budget - one_run < now[0] - of_reference < budget + one_run
+    left_out = [row for row in chart["rows"] if row["status"] == "not run"]
+    assert all("its share of the time" in row["reason"] for row in left_out)
+    page = chart_page.sections(tmp_path)[0].summary
+    assert f"{len(left_out)} of {len(chart['rows'])} runs did not fit" in page
 
 
 def test_a_scheme_of_first_order_halves_its_error_with_half_the_steps(charted):

@@ -23,7 +23,7 @@ from cablefem.scene.line import Line
 from validation.commands.chart.front import Row, fastest_methods_at_error
 from validation.commands.chart.study import SETTINGS, Series, versions_and_machine
 from validation.commands.check.motion import reference_scales
-from validation.commands.run.motion import ELEMENTS, SINES, Factors, LineMethod, LineRuns
+from validation.commands.run.motion import ELEMENTS, SINES, Factors, LineMethod, LineRuns, OutOfTime
 from validation.commands.run.quasi import largest_distances_from_rest, line_at_timetable_positions
 from validation.core import store
 from validation.core.motion_laws import tension_behind_or_ahead
@@ -31,6 +31,7 @@ from validation.core.motion_rows import LineRun, Scales, distances
 from validation.core.sidebyside import Progress, no_progress
 
 LADDER: tuple[Factors, ...] = tuple((space, time) for space, time in SETTINGS["line_ladder"])
+NO_TIME = "more than its share of the time"
 
 
 def chart_line(
@@ -39,9 +40,10 @@ def chart_line(
     """Write chart.json of a line in motion.
 
     ladder : multiples of the coarsest resolution and of the fewest steps;  the reference has twice the largest.
-    budget : [s] by the clock; half of it is the reference's, and a line of the chart that has spent its share leaves
-        rows "not run".
+    budget : [s] by the clock, the reference included; a line of the chart that has spent its share of what remains
+        leaves rows "not run".
     """
+    end = perf_counter() + budget
     report("reference", 0.0)
     runs = LineRuns(ELEMENTS, line)
     reference = _Reference.compute(line, runs, 2 * int(np.max(ladder)), 0.5 * budget)
@@ -53,9 +55,10 @@ def chart_line(
     for i, (series, method) in enumerate(methods):
         report(series.name, 0.5 + 0.5 * i / len(methods))
         solver = runs if method is ELEMENTS else LineRuns(method, line, runs)
-        rows += _rows_of_series(series, solver, ladder, reference, 0.5 * budget / len(methods))
+        solver.cut_at = perf_counter() + (end - perf_counter()) / (len(methods) - i)
+        rows += _rows_of_series(series, solver, ladder, reference)
         write_json(out / "chart.json", content)
-    rows.append(_quasi_static_row(line, runs, reference))
+    rows.append(_quasi_static_row(line, runs, reference, end))
     content["fastest"] = [fastest_methods_at_error(rows, error) for error in SETTINGS["decades"]]
     write_json(out / "chart.json", content)
     report("done", 1.0)
@@ -141,22 +144,19 @@ def _mean_tension(moved: LineRun, contact: int, end: float) -> Array:
 
 
 def _rows_of_series(
-    series: Series, solver: LineRuns, ladder: Sequence[Factors], reference: _Reference, seconds: float
+    series: Series, solver: LineRuns, ladder: Sequence[Factors], reference: _Reference
 ) -> Iterator[Row]:
-    """Rows of one line of the chart, while the next run is likely to fit into the time."""
+    """Rows of one line of the chart; a new run that is not likely to end before `cut_at` is left out."""
     name = solver.method.setting
-    spent = 0.0
-    last = 0.0
+    rate = 0.0  # seconds over the product of both factors, the largest so far
     for space, time in ladder:
         settings = {name: space * solver.coarsest, "steps": time * solver.fewest_steps}
-        if spent + 2.0 * last > seconds:
-            yield series.chart_row(settings, status="not run", reason="more than its share of the time")
-            continue
         begin = perf_counter()
-        row = _row_or_failure(series, settings, partial(solver.run, space, time), reference)
-        last = perf_counter() - begin
-        spent += last
-        yield row
+        if (space, time) in solver.known or begin + rate * space * time < solver.cut_at:
+            yield _row_or_failure(series, settings, partial(solver.run, space, time), reference)
+        else:
+            yield series.chart_row(settings, status="not run", reason=NO_TIME)
+        rate = max(rate, (perf_counter() - begin) / (space * time))
 
 
 def _row_or_failure(series: Series, settings: Row, run: Callable[[], LineRun], reference: _Reference) -> Row:
@@ -165,6 +165,8 @@ def _row_or_failure(series: Series, settings: Row, run: Callable[[], LineRun], r
         moved = run()
     except store.Refused as refused:
         return series.chart_row(settings, status="failed", reason=str(refused))
+    except OutOfTime:
+        return series.chart_row(settings, status="not run", reason=f"cut: it took {NO_TIME}")
     reason = reference.failure_reason(moved)
     if reason is not None:
         return series.chart_row(settings, status="failed", reason=reason)
@@ -175,9 +177,11 @@ def _row_or_failure(series: Series, settings: Row, run: Callable[[], LineRun], r
     return series.chart_row(settings, **results, **reference.errors(moved))
 
 
-def _quasi_static_row(line: Line, runs: LineRuns, reference: _Reference) -> Row:
-    """The row of the states of rest at the timetables' positions."""
+def _quasi_static_row(line: Line, runs: LineRuns, reference: _Reference, end: float) -> Row:
+    """The row of the states of rest at the timetables' positions, if it begins before `end` by the clock."""
     series = Series("model quasi-static", "model", (), model="quasi-static")
+    if perf_counter() > end:
+        return series.chart_row({}, status="not run", reason=NO_TIME)
     begin = process_time()
     try:
         at_rest = line_at_timetable_positions(line)

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from time import process_time
+from time import perf_counter, process_time
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -234,14 +234,23 @@ def merge_instants(grid: Array, finer: Array) -> Array:
     return np.union1d(grid, finer[inside & (distances > rounding)])
 
 
-def append_marched_states(states: list[State], system: Any, chosen: Scheme, steps: list[Array], work: Work) -> None:
+class OutOfTime(RuntimeError):
+    """A run was cut, for it took longer than it was given."""
+
+
+def append_marched_states(
+    states: list[State], system: Any, chosen: Scheme, steps: list[Array], work: Work, cut_at: float
+) -> None:
     """March a system on from the last state, or from its start, up to an event that ends it; append its states.
 
     Where forces jump, the states before and after the jump are appended.
+    Raises OutOfTime at the first step after `cut_at`, by `perf_counter` [s].
     """
     noted = len(work.events)
     start = states[-1] if states else None
     for group in integrate_blocks(system, chosen, steps, work=work, start=start):
+        if perf_counter() > cut_at:
+            raise OutOfTime
         if len(work.events) > noted and work.after_event is not None:
             states.append(work.after_event)
         noted = len(work.events)
@@ -298,6 +307,7 @@ class LineRuns:
             self.instants = like.instants_between(0.0, self.line.t_end)
         self.fewest_steps = sum(t.size - 1 for t in self.grid)
         self.known: dict[Factors, LineRun] = {}  # runs made so far, by `run`'s arguments
+        self.cut_at = math.inf  # see `append_marched_states`
 
     def instants_between(self, t0: float, t1: float) -> Array:
         """Instants from t0 to t1."""
@@ -369,7 +379,7 @@ class LineRuns:
         """The run of one system from a state on, or from its start; Refused where it does not begin."""
         states: list[State] = [] if start is None else [start]
         try:
-            append_marched_states(states, system, scheme(self.method.scheme), steps, work)
+            append_marched_states(states, system, scheme(self.method.scheme), steps, work, self.cut_at)
             following = None
             if work.events and states[-1].t < self.line.t_end:
                 following = system.system_after(work.events[-1].name, states[-1])
