@@ -44,6 +44,16 @@ def test_a_file_of_a_name_that_is_to_be_written_is_refused_and_left_alone(cablef
     assert file_contents(tmp_path) == before
 
 
+@pytest.mark.parametrize("command", ["run level", "sweep checks", "modes bare", "report"])
+@pytest.mark.parametrize("name", ["", " "])
+def test_an_empty_name_is_no_folder(cablefem, tmp_path, command, name):
+    """A variable of the shell that is not set; results stood in the working folder."""
+    code, out, err = cablefem(*command.split(), "--out", name)
+    assert (code, out) == (2, "")
+    assert f"{name!r} names no folder" in err
+    assert file_contents(tmp_path) == {}
+
+
 def test_a_second_command_at_once_is_kept_out_of_a_folder(cablefem, tmp_path):
     """The page was headed by one scene and held the answer of the other."""
     (tmp_path / "x").mkdir()

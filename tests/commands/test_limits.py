@@ -278,7 +278,7 @@ def test_load_cases_make_a_grid_and_say_what_is_missing(cablefem):
     ice = 500.0 * math.pi * (0.1**2 - 0.05**2) / 4.0  # kg/m of a ring of 25 mm
     heavier = Scene.load("tramway").replace({"cable.diameter": 0.05, "cable.ice": ice})
     given = ("run", "tramway", "--model", "quasi-static", "--set", "cable.diameter=0.05", "--out", "x")
-    assert cablefem(*given, "--case", "ice", "--case", "wind")[0] == 0
+    assert cablefem(*given, "--case", "ice", "--case", "wind,ice", "--case", "wind")[0] == 0
     rows = json.loads(Path("x/grid/grid.json").read_text())["rows"]
     tension = next(
         row["value"]
@@ -291,9 +291,10 @@ def test_load_cases_make_a_grid_and_say_what_is_missing(cablefem):
     code, _, err = cablefem("check", "tramway", "--case", "ice")
     assert (code, err.count("\n")) == (2, 1)
     assert "--case ice: cable.diameter: missing" in err
-    code, _, err = cablefem("run", "two-span", "--case", "icy")
-    assert (code, err.count("\n")) == (2, 1)
-    assert "--case icy: unknown. Known: ice, wind, storm" in err
+    for unknown in ("icy", ""):
+        code, _, err = cablefem("run", "two-span", "--case", unknown)
+        assert (code, err.count("\n")) == (2, 1)
+        assert f"--case {unknown!r}: unknown. Known: ice, wind, storm" in err
 
 
 def test_limits_from_python():

@@ -54,9 +54,15 @@ def _toml_value_or_text(text: str) -> Any:
         return text
 
 
-def grid_points(pairs: Sequence[str]) -> list[dict[str, Any]]:
-    """All points of a grid, values by key; the last key changes fastest.  ValueError for a key given twice."""
+def grid_points(pairs: Sequence[str], cases: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """All points of a grid, values by key; the last key changes fastest.  ValueError for a key given twice.
+
+    cases : names of load cases, the first axis.  A value given twice is one point.
+    """
     axes = [parse_key_and_values(pair) for pair in pairs]
+    if cases:
+        axes.insert(0, ("case", [name.strip() for name in ",".join(cases).split(",")]))
+    axes = [(key, [x for i, x in enumerate(values) if x not in values[:i]]) for key, values in axes]
     keys = [key for key, _ in axes]
     if twice := {key for key in keys if keys.count(key) > 1}:
         raise ValueError(f"--set {sorted(twice)[0]}: given twice; several values go in one, separated by commas")

@@ -31,8 +31,16 @@ def number_option(name: str, help: str) -> Any:
     return typer.Option(name, parser=parse_float, metavar="X", help=help)
 
 
+def _parse_folder(text: str) -> Path:
+    if not text.strip():
+        raise typer.BadParameter(f"{text!r} names no folder; --out . is the one you are in")
+    return Path(text)
+
+
 def out_option(folder: str, more: str = "") -> Any:
-    return typer.Option("--out", metavar="DIR", help=f"Folder for the results{more}. Default: {store.ROOT / folder}.")
+    default = store.ROOT / folder
+    says = f"Folder for the results{more}. Default: {default}."
+    return typer.Option("--out", parser=_parse_folder, metavar="DIR", help=says)
 
 
 Quick = Annotated[bool, typer.Option("--quick", help="A small part of it, coarsely, within a minute.")]
@@ -140,10 +148,8 @@ def grid_points_from_options(
     options = list(set_options or [])
     if any(option.partition("=")[0].strip() == "case" for option in options):
         raise store.Refused("--set case: no key of the scene or setting of a method; load cases are given by --case")
-    if cases:
-        options.insert(0, f"case={','.join(cases)}")
     try:
-        points = grid.grid_points(options)
+        points = grid.grid_points(options, cases or ())
     except ValueError as error:
         raise store.Refused(str(error)) from None
     out = []
@@ -210,7 +216,7 @@ def _load_case_changes(name: str, scene: Scene | Line) -> dict[str, Any]:
     from cablefem.scene.limits import CASES
 
     if name not in CASES:
-        raise store.Refused(f"--case {name}: unknown.{did_you_mean(name, CASES)}")
+        raise store.Refused(f"--case {name!r}: unknown.{did_you_mean(name, CASES)}")
     return CASES[name]["set"] | {"title": f"{scene.title}: {CASES[name]['says']}"}
 
 
