@@ -171,7 +171,8 @@ class Scene(Described):
     ) -> Self:  # fmt: skip
         """This scene with other groups and whole fields (name, travel, ...); all else stays in SI.
 
-        A cable with temperature or ice is then described by its horizontal tension.
+        A cable with temperature or ice is then described by its horizontal tension; one with E gets another section
+        with another alpha.
         """
         scene = self
         if self.cable.has_heat_or_ice and (sag_ratio, mu, alpha) != (None, None, None):
@@ -179,7 +180,9 @@ class Scene(Described):
         if sag_ratio is not None:
             scene = scene._cold_with_shape(sag=sag_ratio * scene.supports.span)
         if alpha is not None:
-            fields["cable"] = scene.cable.model_copy(update={"EA": alpha * scene.horizontal_tension})
+            cable = scene.cable
+            EA = alpha * scene.horizontal_tension
+            fields["cable"] = cable.model_copy(update={"EA": EA, "section": cable.E and EA / cable.E})
         if mu is not None:
             mass = mu * scene.rho * scene.length
             fields["mass"] = Mass(mass=mass) if scene.mass is None else scene.mass.model_copy(update={"mass": mass})

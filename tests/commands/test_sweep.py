@@ -2,6 +2,7 @@
 
 import contextlib
 import gc
+import itertools
 import math
 import os
 import re
@@ -158,6 +159,17 @@ def test_a_faulty_study_says_what_is_wrong(change, said):
     with pytest.raises(Refused, match=r".") as refused:
         Study.from_table({k: v for k, v in (GRID | change).items() if v is not None})
     assert said in str(refused.value)
+
+
+def test_stiffness_over_tension_and_the_modulus_of_wires_are_two_axes():
+    """The section follows: each is refused beside what both give."""
+    rope = Scene.load("tramway").replace({"cable.E": 1.6e11, "cable.section": 1e-3, "cable.EA": 1.6e8})
+    axes = {"alpha": [300.0, 600.0], "cable.E": [1.2e11, 1.6e11]}
+    study = Study.from_table({"scene": tomllib.loads(rope.to_toml()), "method": "following-p2", "vary": axes})
+    scenes = [study.scene_at(study.point(i)) for i in range(4)]
+    assert [(round(scene.alpha), scene.cable.E) for scene in scenes] == list(itertools.product(*axes.values()))
+    with pytest.raises(Refused, match=r"cable\.section: alpha sets it, too"):
+        Study.from_table({"method": "following-p2", "scene": "tramway", "vary": axes | {"cable.section": [1e-3]}})
 
 
 def test_a_study_of_planted_faults_takes_cases_alone():

@@ -149,6 +149,8 @@ def test_variant_changes_what_it_names_and_keeps_the_rest_in_si():
     assert deeper.horizontal_tension < 0.4 * scene.horizontal_tension
     slow = scene.variant(travel=ConstantSpeed(speed=3.5))
     assert slow.top_speed == 3.5
+    of_wires = scene.replace({"cable.E": 1.6e11, "cable.section": scene.cable.EA / 1.6e11}).variant(alpha=777.0)
+    assert (of_wires.alpha, of_wires.cable.E) == (pytest.approx(777.0, rel=1e-14), 1.6e11)
     with pytest.raises(SceneError, match="bare cable has no travel"):
         Scene.load("bare").variant(speed_ratio=0.2)
     with pytest.raises(SceneError, match=r"^EA = -"):

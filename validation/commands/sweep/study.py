@@ -39,7 +39,7 @@ TRAVEL = ("speed", "top_speed", "initial_speed", "acceleration", "deceleration",
 # keys of the scene that an axis without a dot sets
 SET_BY = {
     "sag_ratio": ("cable.sag", "cable.length", "cable.horizontal_tension"), "mu": ("mass.mass",),
-    "alpha": ("cable.EA", "cable.E", "cable.section"), "speed_ratio": tuple(f"travel.{name}" for name in TRAVEL),
+    "alpha": ("cable.EA", "cable.section"), "speed_ratio": tuple(f"travel.{name}" for name in TRAVEL),
     "slope": ("supports.drop",), "travel": ("travel.kind",), "span": ("supports.span",),
     "rho": ("cable.mass_per_length",),
 }  # fmt: skip
