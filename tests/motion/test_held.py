@@ -18,7 +18,8 @@ from tests.motion.lines import BODIES, broken_laws
 from validation.commands.check.motion import check_line, compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, events_without_rattling, motion_answers
 from validation.core.agreement import worst_deciding_verdict
-from validation.core.motion_rows import LineTolerance, relative_unbalanced_work
+from validation.core.motion_laws import every_nth_step
+from validation.core.motion_rows import LineTolerance, law_row, relative_unbalanced_work
 from validation.core.readback import line_outcome_faults
 
 ROPE = """
@@ -133,7 +134,7 @@ def test_another_rider_in_one_solver_is_seen(line, ladders, key):
 
 def test_a_rider_that_stays_though_its_brake_is_too_weak_is_seen_by_the_law_of_friction(line, ladders):
     """It needs about 130 N in the mean, and its wheels rub with 16 N."""
-    weaker = line.replace({"car.rear.drive.brake.0.force": 30.0})
+    weaker = line.replace({"car.rear.drive.brake.0.force": 10.0})
     for ladder in ladders:
         assert FRICTION in broken_laws(weaker.to_toml(), ladder)
 
@@ -158,6 +159,19 @@ def test_a_brake_acts_from_its_event_on_though_the_step_there_overshoots():
     position = positions_between_jumps(t, s)
     assert (position >= 10.0).tolist() == [False, False, True, True, True, True]
     assert (position >= 20.0).tolist() == [False, False, False, False, True, True]
+
+
+def test_a_law_is_no_surer_than_its_sampling_where_the_largest_defect_happens_to_stay(ladders):
+    """Waves that stations are too far apart for move a defect at each time, and hardly its largest value."""
+    ladder = ladders[0]
+    t = ladder.finest.motion.t
+
+    def defect(run, every=1):
+        sampled_coarsely = run.motion.s.shape != ladder.finest.motion.s.shape
+        return (1e-4 * np.sin(t) * (-1.0 if sampled_coarsely else 1.0))[every_nth_step(t, every)]
+
+    row = law_row(ladder, "laws_si", "waves", defect, t[-1])
+    assert row.bound.parts[1].value == pytest.approx(2.0 * row.gap)
 
 
 def test_energy_of_a_ride_without_friction_and_drag_is_over_what_it_takes_from_its_weight():

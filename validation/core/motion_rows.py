@@ -324,29 +324,24 @@ def relative_unbalanced_work(moved: LineRun, every: int = 1) -> Array:
 
 
 def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., Array], end: float) -> Agreement:
-    """A defect (k,) that is exactly zero; its bar is that of the ladder and three times those of the sampling.
-
-    Sampling is in time and, apart from it, along the rope.
+    """A defect (k,) that is exactly zero; its bar is that of the ladder and those of its sampling, of first order.
 
     defect : of a run, and of every n-th step of it for n = 2.
     """
     of_all_steps = defect(ladder.finest)
-    of_every_second = defect(ladder.finest, 2)
-    over_time = of_all_steps.size != of_every_second.size  # else over windows or bodies
+    over_time = of_all_steps.size == ladder.finest.motion.t.size  # else over windows or bodies
 
     def comparable_defect(moved: LineRun) -> Array:
         values = defect(moved)
         return moved.at_common_instants(values, end) if over_time else values
 
-    def size(values: Array) -> float:
-        return float(np.max(np.abs(values), initial=0.0))
-
-    gap = size(of_all_steps)
     space, time = ladder.bars_in_space_and_time(comparable_defect)
-    sampled = of_every_second, defect(ladder.finest.with_every_second_station)
-    sampling = 3.0 * sum(abs(gap - size(values)) for values in sampled)
-    bound = Bound("law", (BoundPart("ladder", space + time), BoundPart("sampling", sampling)))
+    every_second = every_nth_step(ladder.finest.motion.t, 2) if over_time else slice(None)
+    in_time = max_distance(of_all_steps[every_second], defect(ladder.finest, 2))
+    along_rope = max_distance(of_all_steps, defect(ladder.finest.with_every_second_station))
+    bound = Bound("law", (BoundPart("ladder", space + time), BoundPart("sampling", in_time + along_rope)))
     law = f"{law}, {ladder.finest.method}"
+    gap = max_distance(of_all_steps, 0.0)
     return Agreement(quantity, gap, bound, law=law, required=FIELDS, parts=((space, time),))
 
 
