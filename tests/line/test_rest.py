@@ -110,7 +110,6 @@ def test_a_rope_that_leaves_over_the_pulley_takes_the_energy_of_its_weight_along
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ((TRAMWAY[0], {**TRAMWAY[1], "tension": 5e4}, TRAMWAY[2]), "a tension of 50000 N at weight does not carry it"),
         ((dict(THREE[0], length=510.0), *THREE[1:5]), "too short to reach"),
         ((THREE[0], THREE[1], dict(THREE[2], at=[400.0, 60.0]), *THREE[3:5]), "the rope lifts off first"),
     ],
@@ -120,17 +119,32 @@ def test_empty_line_without_rest(solver, given, says):
         line(*given).solve_at_rest(solver)
 
 
-def test_a_counterweight_too_light_is_named_with_the_force_that_would_do(solver):
-    """Level and empty the smallest force is w b/2 min(cosh z/z) (Irvine, Cable Structures, 1981, 1.2)."""
+def level_line_under_counterweight(force):
     cable, weight, end = TRAMWAY[:3]
-    level = {**end, "at": [1200.0, 0.0]}
-    with pytest.raises(SceneError) as error:
-        line(cable, {**weight, "tension": 9e4}, level).solve_at_rest(solver)
-    named = float(re.search(r"weight must hold it with at least (\d+) N", str(error.value)).group(1))
+    return line(cable, {**weight, "tension": force}, {**end, "at": [1200.0, 0.0]})
+
+
+@pytest.fixture(scope="module")
+def smallest_force():
+    """Level and empty it is w b/2 min(cosh z/z) (Irvine, Cable Structures, 1981, 1.2)."""
     z = np.linspace(1.0, 1.4, 1001)
-    smallest = 0.5 * cable["mass_per_length"] * 9.81 * 1200.0 * np.min(np.cosh(z) / z)
-    assert smallest * (1.0 - 1e-3) < named < 1.02 * smallest  # the stretch of the rope lowers it a little
-    assert line(cable, {**weight, "tension": named}, level).solve_at_rest(solver).states
+    return float(0.5 * TRAMWAY[0]["mass_per_length"] * 9.81 * 1200.0 * np.min(np.cosh(z) / z))
+
+
+def test_a_counterweight_too_light_is_named_with_the_force_that_would_do(smallest_force):
+    for force, says in ((5e4, "a tension of 50000 N at weight does not carry it"), (9e4, "weight must hold it")):
+        with pytest.raises(SceneError, match=says) as error:
+            level_line_under_counterweight(force).solve_at_rest(catenary_line.solve)
+    named = float(re.search(r"weight must hold it with at least (\d+) N", str(error.value)).group(1))
+    assert smallest_force * (1.0 - 1e-3) < named < 1.02 * smallest_force  # the stretch of the rope lowers it a little
+    assert level_line_under_counterweight(named).solve_at_rest(catenary_line.solve).states
+
+
+def test_a_counterweight_has_the_same_smallest_force_by_elements(smallest_force):
+    lines = [level_line_under_counterweight(share * smallest_force) for share in (0.97, 1.02)]
+    too_light, enough = elements.solve([given.empty_line_case(None) for given in lines])
+    assert isinstance(too_light, NoLineAtRest)
+    assert isinstance(enough, LineState)
 
 
 def test_a_trial_in_which_the_rope_hangs_plumb_is_refused_without_a_warning():
