@@ -51,6 +51,8 @@ def test_a_study_gets_its_inputs_and_its_findings_are_told(cablefem, monkeypatch
     assert [getattr(x, "name", x) for x in inputs[:-2]] == named
     assert "this was found" in out
     assert "this was found" in (folder / "report.html").read_text()
+    written = out.split(f"written to {folder}: ")[1].split()
+    assert all((folder / name.rstrip(",")).exists() for name in written)
 
 
 @pytest.mark.parametrize(("command", "code"), [("oracles", 1), ("paper", 0), ("atlas", 1)])

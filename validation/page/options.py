@@ -255,5 +255,6 @@ def run_and_report_study(
         results = study(*inputs, folder, progress)
         report.write_report_and_finish(folder, command)
     report.print_findings(report.read_stored_sections(folder, command))
-    terminal.print_text(f"written to {folder}: report.html, {', '.join(files)}")
+    stored = [name for name in files if (folder / name).exists()]
+    terminal.print_text(f"written to {folder}: report.html, {', '.join(stored)}")
     return results
