@@ -28,9 +28,9 @@ def slope_times_gradient_form(eta, w):
 
 
 def scaled_frequencies(
-    groups: Groups, *, elements: int = 10, degree: int = 8, model: str = "full", n: int = 10
+    groups: Groups, *, elements: int = 10, degree: int = 8, model: str = "full", n: int | None = 10
 ) -> Array:
-    """The n lowest circular frequencies of the bare cable, omega l sqrt(rho/H), ascending, (n,).
+    """The n lowest circular frequencies of the bare cable, omega l sqrt(rho/H), ascending, (n,); None: all.
 
     elements : on the whole cable; degree : 1 to 8.
     model : "full", "string", "sagged" (Irvine & Caughey's theory), or "stretching", at rest the same.
@@ -58,5 +58,4 @@ def scaled_frequencies(
         sag = slope_times_gradient_form.assemble(basis, slope=slope)[inner]
         stretching = STRETCHING[model][0] * groups.alpha * csr_array(np.outer(sag, sag))
         K = stiffness(np.full_like(s, T_chord)) + stretching
-    squares = eigh(K.toarray(), M.toarray(), eigvals_only=True, subset_by_index=(0, n - 1))
-    return np.sqrt(squares)
+    return np.sqrt(eigh(K.toarray(), M.toarray(), eigvals_only=True)[:n])

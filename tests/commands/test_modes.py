@@ -7,6 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import sparse
+from scipy.optimize import brentq
+from scipy.sparse.linalg import eigsh
 
 from cablefem import Scene
 from tests.elements.test_modes import EXACT
@@ -30,6 +33,43 @@ def test_modes_of_both_solvers_and_the_exact_ones(cablefem):
         assert [float(text) for text in row[2:]] == [pytest.approx(omega, rel=1e-6)] * 4
 
 
+def test_frequencies_of_a_rope_thrice_as_long_as_its_span_are_those_of_a_chain(cablefem):
+    """A chain of 1600 point masses and springs, whose error falls like the square of their number."""
+    rho, g, EA, span, length = 5.0, 9.81, 5e7, 200.0, 600.0
+    Path("deep.toml").write_text(
+        f"[cable]\nmass_per_length = {rho}\nEA = {EA}\nlength = {length}\n[supports]\nspan = {span}\n"
+    )
+    a = brentq(lambda a: 2.0 * a * math.sinh(0.5 * span / a) - length, 10.0, 1000.0)
+    links = 1600
+    ds = length / links
+    nodes = np.linspace(-0.5 * length, 0.5 * length, links + 1)
+    chord = np.array([np.diff(a * np.arcsinh(nodes / a)), np.diff(np.hypot(a, nodes))])
+    t = chord / np.hypot(*chord)  # (2, links)
+    T = rho * g * np.hypot(a, 0.5 * (nodes[1:] + nodes[:-1]))
+    along = t[:, None] * t[None]  # (2, 2, links)
+    stiffness = (EA * along + T * (np.eye(2)[:, :, None] - along)) / ds
+    D = sparse.diags([-np.ones(links), np.ones(links - 1)], [0, -1], shape=(links, links - 1))
+    K = sparse.block_array([[D.T @ sparse.diags(k) @ D for k in row] for row in stiffness]).tocsc()
+    squares = eigsh(K, k=10, sigma=0.0, return_eigenvectors=False) / (rho * ds)
+    hertz = np.sort(np.sqrt(squares)) / (2.0 * math.pi)
+
+    code, out, _ = cablefem("modes", "deep.toml")
+    assert code == 0, out
+    found = json.loads(Path("cablefem-out/deep/modes.json").read_text())
+    np.testing.assert_allclose(found["hertz"], hertz, rtol=1e-4)
+    assert [row["verdict"] for row in found["rows"]] == 3 * ["agree"]
+    assert f"{found['hertz'][0]:.5g}" in Path("cablefem-out/deep/report.html").read_text()
+
+
+def test_a_nearly_straight_stiff_rope_agrees(cablefem):
+    """Rounding of matrices with axial stiffness 1e5 times the transverse one is no fault of a method."""
+    Path("wire.toml").write_text(
+        "[cable]\nmass_per_length = 1.0\nEA = 1e11\nhorizontal_tension = 1e6\n[supports]\nspan = 100.0\n"
+    )
+    code, out, _ = cablefem("modes", "wire.toml")
+    assert code == 0, out
+
+
 def test_modes_that_disagree_are_1(cablefem, monkeypatch):
     from cablefem.elements import modes
 
@@ -38,3 +78,4 @@ def test_modes_that_disagree_are_1(cablefem, monkeypatch):
     code, out, _ = cablefem("modes", "inclined")
     assert code == 1
     assert "disagree" in out
+    assert "disagree" in Path("cablefem-out/inclined/report.html").read_text().split("</style>")[1]

@@ -2,12 +2,13 @@
 
     w_tt = [ A w' ]',  A = T I + (alpha - T) r' r'^T,  r' = (1, p)/T,  p = c - sigma s,  T = sqrt(1 + p^2),
 
-w = 0 at both ends.  With J = int_0^s at Chebyshev points:
+w = 0 at both ends.  With J = int_0^s:
     w = W^2 [ J A^-1 ( (int A^-1)^-1 (int A^-1 J w) - J w ) ].
+At Chebyshev points of the horizontal distance x, ds = T dx: there T = cosh(asinh(c) - sigma x) is smooth at any sag.
 
 Source: Henghold, Russell & Morgan 1977; Wu & Chen 1989
 Validity: any sag, slope and stiffness: sigma > 0, alpha > 0 or inf
-Accuracy: 1e-11 relative for ten modes at degree = 48
+Accuracy: 1e-11 relative for ten modes at degree = 48 up to sigma = 40; 1e-9 at sigma = 400
 Group: Frequencies of the bare cable
 """
 
@@ -35,11 +36,13 @@ def solve_modes(sigma: float, alpha: float, c: float | None = None, *, count: in
     refuse_unless("sigma > 0, alpha > 0, a finite c", 0.0 < sigma < math.inf, alpha > 0.0, math.isfinite(c))
     refuse_unless("1 <= count <= degree/2", 1 <= count <= degree // 2)
     points, integrals = chebyshev_points_and_integrals(degree)
-    s = 0.5 * (1.0 + points)
-    J = 0.5 * integrals
-    total = J[-1]
-    p = c - sigma * s
+    slope_angle = math.asinh(c)  # of the left end, hyperbolic
+    span = (slope_angle - math.asinh(c - sigma)) / sigma
+    x = 0.5 * span * (1.0 + points)
+    p = np.sinh(slope_angle - sigma * x)
     T = np.sqrt(1.0 + p * p)
+    J = 0.5 * span * integrals * T
+    total = J[-1]
     ex = 1.0 / T
     ey = p / T
     d = 1.0 / alpha - 1.0 / T
@@ -61,7 +64,7 @@ def solve_modes(sigma: float, alpha: float, c: float | None = None, *, count: in
     peak = np.abs(w).argmax(axis=1)
     w /= w[np.arange(count), peak][:, None]
     u, v = np.split(w, 2, axis=1)
-    return Modes(1.0 / np.sqrt(value.real), s, u, v)
+    return Modes(1.0 / np.sqrt(value.real), J.sum(axis=1), u, v)
 
 
 def cases() -> Iterator[ModesCase]:

@@ -1,5 +1,3 @@
-import math
-
 from validation.page import terminal
 from validation.page.options import Out, SceneName, load_scene_or_refuse, run_and_report_study
 
@@ -13,15 +11,14 @@ def command(scene: SceneName, out: Out = None) -> int:
     """
     loaded = load_scene_or_refuse(scene)
 
-    from validation.commands.modes.study import COUNT, EXACT, modes
+    from validation.commands.modes.study import modes
     from validation.page import printing
 
     result = run_and_report_study("modes", loaded, ["modes.json"], out, modes, loaded)
-    hertz = result.omega[EXACT] / (2.0 * math.pi * loaded.time_scale)
     rows = []
-    for i in range(COUNT):
+    for i, hertz in enumerate(result.hertz):
         frequencies = [f"{omega[i]:.7f}" for omega in result.omega.values()]
-        rows.append([str(i + 1), f"{hertz[i]:.5g}", *frequencies])
+        rows.append([str(i + 1), f"{hertz:.5g}", *frequencies])
     heads = ["mode", "Hz", *result.omega]
     terminal.print_table(heads, rows, right=heads)
     terminal.print_text()

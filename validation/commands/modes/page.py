@@ -7,4 +7,4 @@ from validation.page.page import Section, render_sections
 
 
 def sections(folder: Path) -> list[Section]:
-    return render_sections(__package__, omega=store.read_json(folder / "modes.json"))
+    return render_sections(__package__, content=store.read_json(folder / "modes.json"))

@@ -1,5 +1,6 @@
 """Frequencies of the cable without its mass, from both solvers and the exact theory."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -12,7 +13,6 @@ from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.sidebyside import Progress, no_progress
 
 COUNT = 10
-EXACT = "exact"
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +20,7 @@ class Modes:
     """First frequencies by method, `exact` last, and each method's verdict against it."""
 
     omega: dict[str, Array]  # method -> (COUNT,) omega l sqrt(rho/H), ascending
+    hertz: Array  # (COUNT,) the exact ones [Hz]
     rows: list[Agreement]
 
 
@@ -29,7 +30,7 @@ def scaled_cable_frequencies(
 ) -> Array:  # fmt: skip
     """Frequencies omega l sqrt(rho/H) of the bare cable by elements, by so many sines, or by wavelets up to a level.
 
-    elements : scikit-fem's own assembly;  how : the model, and n, how many.
+    elements : scikit-fem's own assembly;  how : the model, and n, how many (None: all).
     """
     from cablefem.elements import modes as by_elements
     from galerkin.bases import Daubechies, Fourier
@@ -50,21 +51,25 @@ def modes(scene: Scene, out: Path | None = None, progress: Progress = no_progres
 
     groups = scene.groups
     pairs = {
-        "elements": [scaled_cable_frequencies(groups, elements=n, n=COUNT) for n in (10, 5)],
-        "fourier": [scaled_cable_frequencies(groups, terms=n, n=COUNT) for n in (120, 60)],
-        "wavelet": [scaled_cable_frequencies(groups, level=n, n=COUNT) for n in (4, 3)],
+        "elements": [scaled_cable_frequencies(groups, elements=n, n=None) for n in (10, 5)],
+        "fourier": [scaled_cable_frequencies(groups, terms=n, n=None) for n in (120, 60)],
+        "wavelet": [scaled_cable_frequencies(groups, level=n, n=None) for n in (4, 3)],
     }
-    exact = catenary_modes.solve_modes(groups.sigma, groups.alpha, groups.c, count=COUNT)
-    omega: dict[str, Array] = {}
-    rows = []
-    rounding = BoundPart("rounding", 1e-10)  # relative; dense solvers lose the ratio of the stiffest to the lowest mode
+    exact = catenary_modes.solve_modes(groups.sigma, groups.alpha, groups.c, count=COUNT).omega
+    found = Modes({}, exact / (2.0 * math.pi * scene.time_scale), [])
     for name, (fine, coarse) in pairs.items():
-        omega[name] = fine
-        gap = float(np.abs(fine / exact.omega - 1.0).max())
-        bar = float(np.abs(fine / coarse - 1.0).max())
-        change = BoundPart(name, bar, "the change from half the resolution")
-        rows.append(Agreement(name, gap, Bound("own bar", (change, rounding))))
-    omega[EXACT] = exact.omega
+        found.omega[name] = omega = fine[:COUNT]
+        change = np.abs(omega / coarse[:COUNT] - 1.0).max()
+        rounding = np.finfo(float).eps * (fine[-1] / fine[0]) ** 2  # dense solvers lose the ratio of squares
+        bar = (
+            BoundPart(name, change, "the change from half the resolution"),
+            BoundPart("rounding", rounding, "of the highest frequency, in the lowest"),
+        )
+        gap = np.abs(omega / exact - 1.0).max()
+        found.rows.append(Agreement(name, gap, Bound("own bar", bar)))
+    found.omega["exact"] = exact
     if out is not None:
-        write_json(out / "modes.json", {name: values.tolist() for name, values in omega.items()})
-    return Modes(omega, rows)
+        omega_lists = {name: values.tolist() for name, values in found.omega.items()}
+        rows = [row.to_json() for row in found.rows]
+        write_json(out / "modes.json", {"hertz": found.hertz.tolist(), "rows": rows, **omega_lists})
+    return found
