@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
-from cablefem.scene.errors import SceneError, did_you_mean, short_text
+from cablefem.scene.errors import SceneError, short_text
 from cablefem.scene.fields import (
     Admits,
     Pair,
@@ -30,12 +29,7 @@ class Obstacle(Part):
     name: Word = described_field("[-] its name in the results")
     at: Real = described_field("[m] x, from the left support")
     top: Real = described_field("[m] depth of its top below the left support")
-    kind: Word | None = described_field(f"[-] for limits: {', '.join(KINDS)}", None)
-
-    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
-        if self.kind is None or self.kind in KINDS:
-            return []
-        return [f"kind = {self.kind!r}: unknown.{did_you_mean(self.kind, KINDS)}"]
+    kind: Literal[tuple(KINDS)] | None = described_field("[-] what it is, for limits", None)  # type: ignore[valid-type]
 
 
 def _require_profile(points: tuple[Pair, ...]) -> tuple[Pair, ...]:

@@ -40,6 +40,7 @@ def test_keys_are_those_that_scenes_read():
     assert found["travel.jerk"].unit == "m/s3"
     assert found["travel.jerk"].kind == "trapezoid"
     assert found["travel.from"].short_admits == "> 0"
+    assert "road" in found["obstacle.0.kind"].short_admits
     assert {"drive.brake.0.from", "drive.thrust.times", "obstacle.0.top", "ground", "travel.stop.time"} <= found.keys()
     assert not any("place" in name and "end" not in name for name in found), "keys are as they are written"
 
