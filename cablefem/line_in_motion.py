@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.newmark import MarchingSystem, State
+from cablefem.newmark import MarchingSystem, State, consistent_acceleration
 from cablefem.newmark.states import Array
 from cablefem.scene.contacts import (
     AT_REST,
@@ -91,7 +91,7 @@ class LineInMotion(MarchingSystem):
 
     def with_acceleration(self, x: State) -> State:
         """The state with the accelerations that its balance asks for."""
-        raise NotImplementedError
+        return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
     # --- events ------------------------------------------------------------------------------------------------
     def contact_positions_and_forces(self, t: Any, coordinates: Any, phase: int) -> tuple[Array, list[Array]]:
@@ -116,7 +116,7 @@ class LineInMotion(MarchingSystem):
         for i in self.stops:
             values.append(np.where(self.sticks(i), np.inf, v[..., self.travel_unknown(i)] * self.slip_sign(i)))
         for i in self.braked:
-            behind, ahead = self._brakes_around(i)
+            behind, ahead = self._brake_positions_around(i)
             position = q[..., self.travel_unknown(i)]
             values += [ahead - position, position - behind]
         values += [np.where(in_order, x, np.inf) for x in (*forces, self.time_at_rest(phase) - t)]
@@ -149,9 +149,9 @@ class LineInMotion(MarchingSystem):
             sign = math.copysign(1.0, ds) if abs(ds) > TURNING else self.slip_sign(i)
             self.set_friction(i, self.reached[i], sign)
 
-    def _brakes_around(self, i: int) -> tuple[float, float]:
+    def _brake_positions_around(self, i: int) -> tuple[float, float]:
         """Where the last brake that acts on a car begins, and the next one; infinite where there is none."""
-        return self.car_by_number[i].drive.brakes_around(self.reached[i])
+        return self.car_by_number[i].drive.brake_positions_around(self.reached[i])
 
     def time_at_rest(self, phase: int) -> float:
         """When all free cars, which friction holds, are at rest; inf where it does not hold them, or there are none."""
@@ -188,7 +188,7 @@ class LineInMotion(MarchingSystem):
                 return self._stop_or_slip_on(i, x)
             if name == f"{car} breaks loose":
                 return self._start_slipping(i, x)
-            behind, ahead = self._brakes_around(i)
+            behind, ahead = self._brake_positions_around(i)
             if name == f"{car} brakes":
                 self.set_friction(i, ahead, self.slip_sign(i))
                 return self.with_acceleration(x)

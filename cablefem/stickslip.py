@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from cablefem.newmark import State, System
+from cablefem.newmark import State, System, consistent_acceleration
 from cablefem.scene import Groups
 from cablefem.scene.drive import RollingCarState
 
@@ -88,9 +88,9 @@ class RollingCar(System):
         """Force along the cable on a sticking car, and its normal force."""
         raise NotImplementedError
 
-    def solve_acceleration(self, x: State) -> State:
-        """The state with new accelerations."""
-        raise NotImplementedError
+    def with_acceleration(self, x: State) -> State:
+        """The state with the accelerations that its balance asks for."""
+        return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
     def reset(self) -> None:
         self.mode = Mode(brakes_reached=sum(position <= self.drive.start for position, _ in self.drive.brakes))
@@ -104,7 +104,7 @@ class RollingCar(System):
         return x
 
     def state_at_phase_start(self, x: State) -> State:
-        return self.stick_or_slip(x) if self.mode.sticks else self.solve_acceleration(x)
+        return self.stick_or_slip(x) if self.mode.sticks else self.with_acceleration(x)
 
     @property
     def friction_or_brake_acts(self) -> bool:
@@ -129,7 +129,7 @@ class RollingCar(System):
         v = x.v.copy()
         v[-1] = 0.0
         self.mode.sticks = True
-        x = self.solve_acceleration(x._replace(v=v))
+        x = self.with_acceleration(x._replace(v=v))
         if self.friction_margin(x) > 0.0:
             self.mode.stuck_since_slow = True
             return x
@@ -143,7 +143,7 @@ class RollingCar(System):
         mode.sticks = False
         mode.heading = -math.copysign(1.0, force)
         v[-1] = mode.heading * 1e-12 if self.friction_or_brake_acts else 0.0  # a first slip arms the standstill event
-        return self.solve_acceleration(x._replace(v=v))
+        return self.with_acceleration(x._replace(v=v))
 
     def begin_step(self, x: State) -> None:
         """Note where a slow car is, and whether axial waves have come back since it began to slip."""
@@ -181,7 +181,7 @@ class RollingCar(System):
         if name in ("brake", "brake off"):
             mode.brakes_reached += 1 if name == "brake" else -1
             self._stop_awaiting_waves(float(x.v[-1]))  # it may stop the car
-            return self.solve_acceleration(x)
+            return self.with_acceleration(x)
         if name == "turn":
             mode.forward = -mode.forward
         else:

@@ -252,7 +252,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         if not self.free:
             speed = self.motion.position_with_rates(0.0, 0)[1]
             x = quasi_static_start(self, self._hauled_unknowns_at_rest, s_o, speed)
-            return self.solve_acceleration(x)
+            return self.with_acceleration(x)
         q = np.append(self._unknowns_at_rest(s_o), s_o)
         still = np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
@@ -272,7 +272,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         q = solve_equilibrium_on_haul_rope(system, self._unknowns_at_rest(s_o))
         return np.append(q[:-1], 0.0)
 
-    def solve_acceleration(self, x: State) -> State:
+    def with_acceleration(self, x: State) -> State:
         """The state with the accelerations that its balance needs."""
         a = np.zeros(self.n_dof)
         for _ in range(3):  # friction is not linear

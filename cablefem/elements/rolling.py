@@ -126,7 +126,7 @@ class RollingElements(RollingCar, FollowingElements):
 
     @property
     def _event_bounds(self) -> Array:
-        """`bounds` of `kernels.is_before_event`.
+        """`bounds` of `kernels.car_is_before_event`.
 
         A hauled car has a margin: schemes may balance it before the end of the step.
         """
@@ -158,9 +158,6 @@ class RollingElements(RollingCar, FollowingElements):
         forces = self._forces_on_car_at(x)
         needed = self._car_row(self._kernel_car, self._drive_inputs(np.array(x.t), x.phase), x)
         return needed / forces.stretch, forces.normal
-
-    def solve_acceleration(self, x: State) -> State:
-        return newmark.consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
     @property
     def _kernel_car(self) -> kernels.Car:

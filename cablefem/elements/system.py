@@ -126,9 +126,6 @@ class LineElements(LineInMotion, LineBalance):
         self.brakes[i] = drive.brake_force(s)
         self.rear_brakes[i] = drive.rear_brake_force(s)
 
-    def with_acceleration(self, x: State) -> State:
-        return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
-
     def holding_force(self, i: int, x: State) -> float:
         z = self.coordinates_from_unknowns(*x)
         return float(self._holding_force(i, z, self.balance_rows(x.t, z, x.phase)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene, quasi_static, run
-from cablefem.newmark import Newton, State, Work, consistent_acceleration, integrate, scheme
+from cablefem.newmark import Newton, State, Work, integrate, scheme
 from cablefem.scene.drive import Drive
 from cablefem.stickslip import CarForces, RollingCar
 from tests.validation.test_laws import TOML, broken_laws, run_ladder
@@ -53,9 +53,6 @@ class Block(RollingCar):
 
     def hold_and_normal_force(self, x):
         return -self.along(x.t, x.q[0], 0.0, x.phase), WEIGHT * math.cos(self.slope(x.q[0]))
-
-    def solve_acceleration(self, x):
-        return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
 
 def last_state_and_event_times(block, steps=400):
