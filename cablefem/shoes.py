@@ -60,7 +60,7 @@ class LineSnapshot(NamedTuple):
     points: dict[str, Array]  # with rates (3, 2)
     rope: Callable[[float], Array]  # r, r' and the velocity at fixed s (3, 2), of s
 
-    def rope_tangent_beside(self, contact: str, side: float) -> Array:
+    def rope_slope_beside(self, contact: str, side: float) -> Array:
         """r' (2,) on one side of a contact or car: 1 ahead of it, -1 behind."""
         return self.rope(self.s[contact] + side * BESIDE)[1]
 
@@ -156,7 +156,7 @@ class _CarAtShoe(NamedTuple):
         bend = (acceleration[1] - slope * acceleration[0]) / velocity[0] ** 2
         begin = RailEnd(x, y, slope, bend)
         side = self.side_of_saddle
-        end = self._straight_rail_end(side, self.snapshot.rope_tangent_beside(self.car.name, side))
+        end = self._straight_rail_end(side, self.snapshot.rope_slope_beside(self.car.name, side))
         return self.line_with_car_on_rail(Rail(self.saddle.name, begin, end))
 
     def line_after_rope_left(self) -> MovingLine:
@@ -167,7 +167,7 @@ class _CarAtShoe(NamedTuple):
         (x, y), velocity, _ = snapshot.points[car].tolist()
         begin = RailEnd(x, y, velocity[1] / velocity[0])
         behind = -self.side_of_saddle
-        end = self._straight_rail_end(behind, snapshot.rope_tangent_beside(saddle, behind))
+        end = self._straight_rail_end(behind, snapshot.rope_slope_beside(saddle, behind))
         rope_speed = abs(snapshot.ds[car] - snapshot.ds[saddle])
         stretch = float(np.hypot(*velocity)) / rope_speed
         rail = Rail(saddle, begin, end, snapshot.s[car] - snapshot.s[saddle], stretch)
@@ -248,7 +248,7 @@ def _snapshot_with_rope_point_below(
         ds = speed
         r, tangent, w = snapshot.rope(s)
         # the grip has acted on the saddle: the rope up to the car takes the stretch of its other side
-        behind, ahead = (np.hypot(*snapshot.rope_tangent_beside(saddle, side)) for side in (-1.0, 1.0))
+        behind, ahead = (np.hypot(*snapshot.rope_slope_beside(saddle, side)) for side in (-1.0, 1.0))
         r = r + (behind - ahead) * abs(s - snapshot.s[saddle]) * tangent / np.hypot(*tangent)
     else:
         s = snapshot.s[car.name]

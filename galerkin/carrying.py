@@ -13,7 +13,7 @@ from galerkin.segments import Layout, basis_functions
 
 def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple[LineSines, State]:
     """The line after a passage, and its state by least squares."""
-    before = system.coordinates_with_rates(x)
+    before = system.all_coordinates_with_rates(x)
     points_off_rope = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.cars_off_rope}
     snapshot = _snapshot_of_line(system, before, points_off_rope)
     line, snapshot = line_and_snapshot_after_passage(system.line, passage, x.t, x.phase, snapshot)

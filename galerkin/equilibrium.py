@@ -122,13 +122,13 @@ def signed_tension(force: Array, slope: Array) -> Array:
     return np.copysign(np.hypot(force[..., 0], force[..., 1]), np.sum(force * slope, axis=-1))
 
 
-def slopes_from_forces(force: Array, slopes_by_basis: Array, T: Any, alpha: float) -> Array:
+def slopes_from_forces(force: Array, slopes_if_slack: Array, T: Any, alpha: float) -> Array:
     """r' (..., 2) from forces N t; where the cable is slack, those by the basis, which converge slowly at the mass."""
     N = np.hypot(force[..., 0], force[..., 1])
-    along = np.sum(force * slopes_by_basis, axis=-1)
+    along = np.sum(force * slopes_if_slack, axis=-1)
     taut = (N > kernels.MIN_TENSION) & (along > 0.0)
     stretch_over_tension = (1.0 + (N - T) / alpha) / np.where(taut, N, 1.0)
-    return np.where(taut[..., None], stretch_over_tension[..., None] * force, slopes_by_basis)
+    return np.where(taut[..., None], stretch_over_tension[..., None] * force, slopes_if_slack)
 
 
 def sum_of_functions(coefficients: Array, functions: Array) -> Array:

@@ -80,7 +80,7 @@ def _rope_history(system: LineSines, states: Sequence[State], s: Array) -> RopeH
     no_friction = np.zeros((at_once, layout.contacts, len(Friction._fields)))
     for first in range(0, n, at_once):
         some = slice(first, first + at_once)
-        coordinates = [system.coordinates_with_rates(x) for x in states[some]]
+        coordinates = [system.all_coordinates_with_rates(x) for x in states[some]]
         values = system.equations.evaluate(np.stack(coordinates, axis=1), no_friction)
         contact_values[some] = values.contact_values.real
         positions[some] = values.Z[0][:, layout.s]

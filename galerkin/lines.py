@@ -110,7 +110,7 @@ class LineSines(LineInMotion):
                 Z[2, :, layout.F[k]] = [line.thrust(car, t, phase) for t in times]
         return Z
 
-    def coordinates_with_rates(self, x: State) -> Array:
+    def all_coordinates_with_rates(self, x: State) -> Array:
         """All coordinates of a state with their rates (3, layout.size)."""
         return self.coordinates_from_unknowns(*x)[:, 0]
 
@@ -170,7 +170,7 @@ class LineSines(LineInMotion):
 
     def _residual_and_derivatives(self, x: State) -> tuple[Array, Array]:
         """The residual, and its derivatives (3, n_dof, n_dof) by q, v, a."""
-        Z = self.coordinates_with_rates(x)[:, None]
+        Z = self.all_coordinates_with_rates(x)[:, None]
         values, K = self.equations.evaluate_with_derivatives(Z, self.frictions_at([x.t]))
         for car in self._acting_off_rope:
             state = car.contact_state(np.array([x.t]), Z, x.phase)
@@ -273,7 +273,7 @@ class LineSines(LineInMotion):
         return int(np.flatnonzero(self.equations.free == coordinate)[0])
 
     def holding_force(self, i: int, x: State) -> float:
-        values = self.equations.evaluate(self.coordinates_with_rates(x)[:, None], self.frictions[None])
+        values = self.equations.evaluate(self.all_coordinates_with_rates(x)[:, None], self.frictions[None])
         return self._needed_friction(i, (x.t,), values).item()
 
     def _needed_friction(self, k: int, times: tuple[float, ...], values: LineValues) -> Array:

@@ -43,11 +43,11 @@ class Measures:
         h = self.inside[:, None]
         dh = self.ds_o[:, None]
         ddh = self.dds_o[:, None]
-        behind = self._hat_slope_rate(order, h, dh, ddh)
-        ahead = self._hat_slope_rate(order, 1.0 - h, -dh, -ddh)
+        behind = self._hat_slope_time_derivative(order, h, dh, ddh)
+        ahead = self._hat_slope_time_derivative(order, 1.0 - h, -dh, -ddh)
         return behind, ahead
 
-    def _hat_slope_rate(self, order: int, h: Array, dh: Array, ddh: Array) -> Array:
+    def _hat_slope_time_derivative(self, order: int, h: Array, dh: Array, ddh: Array) -> Array:
         """The same of a side of length h (n, 1), which changes by dh and ddh; (n, fields)."""
         q = self.q[..., -1]
         v = self.v[..., -1]

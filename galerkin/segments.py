@@ -21,7 +21,7 @@ from galerkin.trolley import Follower, wheel_arm_in_car_axes
 POLYNOMIALS = np.array([[0.0, 1.0, -1.0, 0.0], [0.0, 1.0, -3.0, 2.0], [1.0, -1.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]).T
 
 
-def basis_functions(xi: Array, terms: int, order: int = 0) -> Array:
+def basis_functions(xi: Array, terms: int, order: int) -> Array:
     """B, or their first or second derivatives by xi, (points, terms + 4)."""
     k = np.pi * np.arange(1, terms + 1)
     wave = np.cos if order == 1 else np.sin

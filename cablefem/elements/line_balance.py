@@ -275,7 +275,8 @@ class LineBalance(LineCoordinates):
     ) -> None:
         """Add supports, cars, and the rows that determine F."""
         self._add_support_derivatives(out, x)
-        slots = [self._row_slots(i) for i in self.point_cars] + [trolley.rows.tolist() for trolley in self.trolleys]
+        slots = list(map(self._row_slots_of_car, self.point_cars))
+        slots += [trolley.rows.tolist() for trolley in self.trolleys]
         for rows, (by_input, inputs) in zip(slots, [*points, *wheels], strict=True):
             for slot, values in zip(rows, (by_input @ inputs).swapaxes(0, 1), strict=False):
                 out.add_row(slot, values)
@@ -300,7 +301,7 @@ class LineBalance(LineCoordinates):
             by_ds = sign * rho * ds * lam**2
             out.add_entry(slot, slot, 0.0, -by_ds, by_dds)
 
-    def _row_slots(self, i: int) -> list[int]:
+    def _row_slots_of_car(self, i: int) -> list[int]:
         """Slots of the rows of car i on one contact."""
         k = self.car_contacts[i]
         return [*self.xy[k], self.s[k], *self.swing[np.equal(self.of_swing, i)]]

@@ -140,13 +140,13 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
         points=points,
         tension=tension,
         kinetic=kinetic,
-        strain=_rope_and_spring_energy(x),
+        strain=_strain_energy_of_rope_and_springs(x),
         potential=potential,
         powers=powers,
     )
 
 
-def _rope_and_spring_energy(x: _History) -> Array:
+def _strain_energy_of_rope_and_springs(x: _History) -> Array:
     """Energy (n,) [J] of the rope and of springs at its ends."""
     energy = x.integral_over_rope(x.points.W)
     for k in (0, -1):

@@ -41,7 +41,7 @@ def transport_form(phi, eta, w):
 
 
 @skfem.BilinearForm
-def convection_form(phi, eta, w):
+def convective_stiffness_form(phi, eta, w):
     return w["chi"] ** 2 * eta.grad[0] * phi.grad[0]
 
 
@@ -153,7 +153,8 @@ def reference_mesh(elements: int, degree: int, grading: float) -> ReferenceMesh:
     dofs[dofs == n] = -1
     chi = 1.0 - abs(np.asarray(of_products.global_coordinates())[0])
     # local matrices: trial functions come first
-    M, GT, H = (form.coo_data(of_products, chi=chi).tolocal() for form in (mass, transport_form, convection_form))
+    forms = mass, transport_form, convective_stiffness_form
+    M, GT, H = (form.coo_data(of_products, chi=chi).tolocal() for form in forms)
     forces = shape_table(of_forces)
     inertia = shape_table(of_products)
     operators = []

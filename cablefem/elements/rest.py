@@ -160,7 +160,7 @@ def _guess_contact_points_and_tensions(system: LineBalance, q: Array, free: Mask
             moved[trolley.k - 1] = moved[trolley.k]
         if np.abs(moved).max() <= near * np.ptp(x):
             break
-        x = _order_cars_in_spans(system, x + moved)
+        x = _clipped_and_sorted_cars(system, x + moved)
     return guess
 
 
@@ -215,10 +215,10 @@ def _guess_contact_x(system: LineBalance, q: Array) -> Array:
         x[system.car_contacts[i]] = position if is_x else np.interp(position - begin, along, points[:, 0])
     for trolley in system.trolleys:
         x[trolley.k - 1] = x[trolley.k] - trolley.wheels.base
-    return _order_cars_in_spans(system, x)
+    return _clipped_and_sorted_cars(system, x)
 
 
-def _order_cars_in_spans(system: LineBalance, x: Array) -> Array:
+def _clipped_and_sorted_cars(system: LineBalance, x: Array) -> Array:
     """x with the cars evenly ordered within their span, where they are not."""
     out = x.copy()
     for i, j in itertools.pairwise(system.support_contacts):

@@ -20,13 +20,13 @@ import skfem
 from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
+from cablefem.elements.bodies import STEP
 from cablefem.elements.reference import element_unknowns, lagrange_element, shape_polynomial_coefficients
 from cablefem.newmark import Array
 from cablefem.scene.contacts import Elastic
 
 SIGN = np.array([-1.0, 1.0])  # e of the left end and of the right one
 DOWN = np.array([0.0, 1.0])
-STEP = 1e-30  # of derivatives by a complex step
 
 
 class Motion(NamedTuple):

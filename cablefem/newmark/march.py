@@ -90,7 +90,7 @@ class _TimeIntegration:
             self.halvings = 0
             self.events = 0
             while t - self.state.t > shortest_step_above_rounding(t):
-                if (yield from self._take_many_steps(edges[i:])):
+                if (yield from self._try_many_steps(edges[i:])):
                     continue
                 end = self._take_one_step(before, t, grid.size)
                 if end is None:
@@ -105,7 +105,7 @@ class _TimeIntegration:
                 self.state = after
         return self.state
 
-    def _take_many_steps(self, edges: list[float]) -> Generator[Sequence[State], None, bool]:
+    def _try_many_steps(self, edges: list[float]) -> Generator[Sequence[State], None, bool]:
         """Take many steps if the system can; return whether any step was taken."""
         if not self.system.many_steps or self.single_steps or self.halvings or self.damped_steps:
             return False

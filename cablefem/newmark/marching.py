@@ -69,7 +69,7 @@ class MarchingSystem(System):
         while k < len(steps.a):
             q, v = steps.ends[k]
             self.begin_step(State(steps.t.item(k), q, v, steps.a[max(k - 1, 0), -1], phase))
-            results = self._take_steps(phase, steps.section(k, len(steps.a)), rule, newton)
+            results = self._take_steps_with_kept_factors(phase, steps.section(k, len(steps.a)), rule, newton)
             yield from results
             k += len(results)
             if self.factors is None and k < len(steps.a):
@@ -78,7 +78,9 @@ class MarchingSystem(System):
                 if k < len(steps.a):
                     steps.a[k] = steps.extrapolation[k] @ steps.a[k - 1]
 
-    def _take_steps(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> list[StepResult]:
+    def _take_steps_with_kept_factors(
+        self, phase: int, steps: Steps, rule: Tableau, newton: Newton
+    ) -> list[StepResult]:
         """Take steps with the factors of a step before; factors that do not serve the next step are forgotten."""
         factors = self.factors
         self.factors = None

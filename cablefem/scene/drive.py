@@ -282,7 +282,7 @@ class Drive:
         """Of `brake_force` the part at the rear one of two wheels."""
         return sum(force * (s_o >= position) for position, force in self.rear_brakes)
 
-    def brakes_around(self, s_o: float) -> tuple[float, float]:
+    def brake_positions_around(self, s_o: float) -> tuple[float, float]:
         """Where the last brake up to s_o begins, and the next one beyond it; infinite where there is none."""
         behind = [position for position, _ in self.brakes if position <= s_o]
         ahead = [position for position, _ in self.brakes if position > s_o]

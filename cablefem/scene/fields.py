@@ -180,10 +180,10 @@ class Part(BaseModel):
                 return f"{value}: unknown key.{did_you_mean(where, cls.written_field_names())}"
             case "literal_error":
                 return (
-                    f"{value}: unknown.{did_you_mean(str(raw), _admissible_words(cls.model_fields[name].annotation))}"
+                    f"{value}: unknown.{did_you_mean(str(raw), _literals_or_kinds(cls.model_fields[name].annotation))}"
                 )
             case "union_tag_invalid" | "union_tag_not_found":
-                return _missing_or_unknown_kind_fault(where, raw, _admissible_words(cls.model_fields[name].annotation))
+                return _missing_or_unknown_kind_fault(where, raw, _literals_or_kinds(cls.model_fields[name].annotation))
         if where == "mass" and isinstance(raw, list | tuple):
             cause = f"not modelled: {NOT_MODELLED['masses']}"
         # pydantic's own error without a cause: the field must be a part
@@ -193,7 +193,7 @@ class Part(BaseModel):
     def _admissible_text(cls, name: str) -> str:
         """What a field that is missing admits."""
         missing = next(x for key, x in cls.model_fields.items() if name in (key, x.alias))
-        if words := _admissible_words(missing.annotation):
+        if words := _literals_or_kinds(missing.annotation):
             return f"one of {', '.join(words)}"
         return next((m.words for m in missing.metadata if isinstance(m, Admits)), f"a table [{name}]")
 
@@ -218,12 +218,12 @@ def _missing_or_unknown_kind_fault(where: str, table: object, kinds: list[str]) 
     return f"{where}.kind = {short_text(kind)}: unknown.{did_you_mean(str(kind), kinds)}"
 
 
-def _admissible_words(annotation: Any) -> list[str]:
+def _literals_or_kinds(annotation: Any) -> list[str]:
     """Words of a Literal, or values of `kind` in a union of parts whose kinds tell them apart."""
     if get_origin(annotation) is Literal:
         return list(get_args(annotation))
     kinds: list[str] = []
     for member in get_args(annotation):
         kind = member.model_fields.get("kind") if isinstance(member, type) and issubclass(member, Part) else None
-        kinds += [kind.default] if kind and not kind.is_required() else _admissible_words(member)
+        kinds += [kind.default] if kind and not kind.is_required() else _literals_or_kinds(member)
     return kinds

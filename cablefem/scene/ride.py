@@ -68,7 +68,7 @@ class LoadPath:
     def on_loaded_cable(cls, groups: Groups) -> LoadPath:
         """The elastic catenary of two pieces; groups: mu, alpha, sigma, c."""
         r = gripped_rest(load_path_positions(groups.sigma), groups)
-        path = cls(r.s, r.car_point, r.along, r.bend, r.hold, r.stretch_at_car)
+        path = cls(r.s, r.car_point, r.along, r.bend, r.hold, r.mean_stretch_at_car)
         path.rest = r
         return path
 

@@ -40,7 +40,7 @@ class Rest:
     haul: np.ndarray  # of the rope, along the mean tangent
 
     @property
-    def stretch_at_car(self) -> np.ndarray:
+    def mean_stretch_at_car(self) -> np.ndarray:
         """<lam> at the car, mean of both sides."""
         behind = np.linalg.norm(self.slope_behind, axis=1)
         ahead = np.linalg.norm(self.slope_ahead, axis=1)

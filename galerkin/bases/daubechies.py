@@ -134,7 +134,7 @@ def _dyadic_table(mask: np.ndarray) -> _DyadicTable:
 
 
 @inner
-def _set_digit_blocks_return_last(fraction: float, digits: np.ndarray) -> int:
+def _set_blocks_return_last_nonzero(fraction: float, digits: np.ndarray) -> int:
     """Set the blocks of binary digits of a fraction; return the index of the last that is not zero, else -1."""
     last = -1
     for i in range(DIGIT_BLOCKS):
@@ -157,7 +157,7 @@ def _set_sums_of_shifts(
     digits = np.empty(DIGIT_BLOCKS, np.int64)
     for q in range(y.size):
         cell = int(y[q])
-        last = _set_digit_blocks_return_last(y[q] - cell, digits)
+        last = _set_blocks_return_last_nonzero(y[q] - cell, digits)
         for j in range(n):  # a slice would compile its error message for seconds
             v[j] = at_integers[j]
         for i in range(last, -1, -1):  # T_0 v(0) = v(0): trailing zeros change nothing

@@ -42,7 +42,7 @@ def xi_of_s(s: float, grading: float) -> float:
 
 
 @inner
-def set_primitives(xi: float, n: int, grading: float, out: np.ndarray) -> None:
+def set_first_two_primitives(xi: float, n: int, grading: float, out: np.ndarray) -> None:
     """Set out (2, n) to the first two primitives of sin(k pi xi) by s.
 
     ds/dxi = 1 - grading cos(2 pi xi) couples j and j +- 2.  D, F belong to sines, odd in j.
@@ -85,7 +85,7 @@ def values_derivatives_primitives(s: float, n: int, grading: float) -> np.ndarra
     out = np.empty((5, n))
     xi = xi_of_s(s, grading)
     set_functions_and_derivatives(xi, n, grading, out[:3])
-    set_primitives(xi, n, grading, out[3:])
+    set_first_two_primitives(xi, n, grading, out[3:])
     return out
 
 

@@ -322,7 +322,7 @@ def add_inertia_and_rolling_car(inputs: CarInputs, R: Array) -> Car:
 
 
 @inner
-def side_force_derivatives(phi: Array, weighted_stiffness: Array) -> Array:
+def side_force_derivatives_by_amplitude(phi: Array, weighted_stiffness: Array) -> Array:
     """Derivative of `side_forces` of `Workspace` by Q, (6, n): xx, xy, yy behind, and ahead."""
     n, m = phi.shape
     both = np.zeros((6, m))
@@ -369,7 +369,7 @@ def set_tangent_row_of_car(
     ds_o = at_mass.ds_o
     n = terms.f.size
     row = workspace.K[2 * n]
-    sums = side_force_derivatives(now.points.phi, workspace.weighted_stiffness)
+    sums = side_force_derivatives_by_amplitude(now.points.phi, workspace.weighted_stiffness)
     by = defect_derivatives_by_forces(inputs_of_car(at_mass, ride, sines, workspace), car.defect)
     friction = 0.0
     if math.isnan(loads.ax):

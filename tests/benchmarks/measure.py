@@ -74,7 +74,7 @@ def runs(method: str, repeats: int, variant_count: int = 100) -> None:
         r.flags, r.design  # noqa: B018
 
     rows: dict[str, Work] = {
-        "march": lambda: Run(scene, method, **how).march_to(UNTIL),
+        "march": lambda: Run(scene, method, **how).march_until_end_or_failure(UNTIL),
         "path alone": lambda: cf.run(scene, method, until=UNTIL, **how),
         "whole response: fields, forces, energies": whole,
         "the same with flags and design numbers": with_design,

@@ -212,7 +212,7 @@ def test_the_studies_that_come_along_are_sound():
 
 def test_a_row_holds_the_run(tmp_path):
     study = Study.from_table(GRID)
-    row = job.row_of_point(study, 4, study.point(4))
+    row = job.row_of_point_or_failure(study, 4, study.point(4))
     assert (row["status"], row["method"], row["index"]) == ("complete", "following-p2", 4)
     assert row["mass.mass"] == 2000.0
     assert row["max_deflection"] > 1.0
@@ -229,7 +229,7 @@ def test_a_row_holds_all_design_numbers_and_the_clearance_of_the_nearest_obstacl
     study = Study.from_table(
         {"scene": scene, "method": "following-p2", "settings": {"steps": 100}, "vary": {"mass.mass": [70.0, 90.0]}}
     )
-    rows = [job.row_of_point(study, i, study.point(i)) for i in range(2)]
+    rows = [job.row_of_point_or_failure(study, i, study.point(i)) for i in range(2)]
     engine.write_rows(tmp_path, study, rows)
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
     stored = engine.read_rows(tmp_path).loc[0]
@@ -253,7 +253,7 @@ def test_a_row_of_a_car_that_grips_holds_the_clearance_at_the_far_support():
             "vary": {"mu": [0.2, 0.3]},
         }
     )
-    row = job.row_of_point(study, 0, study.point(0))
+    row = job.row_of_point_or_failure(study, 0, study.point(0))
     s_o = np.linspace(0.0, scene.length, 2001)
     over_far = 90.0 - np.interp(1960.0, scene.catenary.x(s_o), scene.catenary.y(s_o))
     assert row["clearance_car_min"] < over_far
@@ -300,10 +300,10 @@ def test_a_damaged_file_of_rows_is_named_and_other_files_beside_rows_are_left_al
 
 def test_whatever_happens_to_a_scene_is_a_row(monkeypatch):
     refused = Study.from_table(GRID | {"vary": {"cable.EA": [1.0, 2.0]}})
-    assert job.row_of_point(refused, 0, refused.point(0))["status"] == "refused"
-    assert "cable.EA" in job.row_of_point(refused, 0, refused.point(0))["reason"]
+    assert job.row_of_point_or_failure(refused, 0, refused.point(0))["status"] == "refused"
+    assert "cable.EA" in job.row_of_point_or_failure(refused, 0, refused.point(0))["reason"]
     monkeypatch.setattr(job, "_run_row", lambda *given: 1 / 0)
-    failed = job.row_of_point(Study.from_table(GRID), 1, {})
+    failed = job.row_of_point_or_failure(Study.from_table(GRID), 1, {})
     assert (failed["status"], failed["cause"]) == ("failed", "ZeroDivisionError")
 
 
@@ -317,7 +317,7 @@ def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp
     study = Study.from_table(
         {k: x for k, x in GRID.items() if k not in ("method", "settings")} | {"job": "check", "tol": 1e-2}
     )
-    row = job.row_of_point(study, 4, study.point(4))
+    row = job.row_of_point_or_failure(study, 4, study.point(4))
     assert (row["status"], row["cause"], row["not_agreed"]) == ("incomplete", "Newton stalled", "tension")
     engine.write_rows(tmp_path, study, [row])
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
@@ -329,7 +329,7 @@ def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp
 def test_the_page_says_why_scenes_have_no_answer(tmp_path):
     """They were counted as complete in neither way, and their reason was in the rows alone."""
     study = Study.from_table(GRID | {"vary": {"cable.EA": [1.0, 2.0]}})
-    engine.write_rows(tmp_path, study, [job.row_of_point(study, i, study.point(i)) for i in range(2)])
+    engine.write_rows(tmp_path, study, [job.row_of_point_or_failure(study, i, study.point(i)) for i in range(2)])
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
     outcome = sections(tmp_path)[0]
     assert outcome.summary == "2 of 2 scenes, 0 complete, 2 refused, 0 without an answer"
@@ -339,7 +339,7 @@ def test_the_page_says_why_scenes_have_no_answer(tmp_path):
 def test_the_page_of_planted_faults_counts_verdicts_by_fault(tmp_path, monkeypatch):
     monkeypatch.setattr(job, "_check_row", lambda *given: {"status": "complete", "verdict": "disagree"})
     study = Study.load("power")
-    engine.write_rows(tmp_path, study, [job.row_of_point(study, i, study.point(i)) for i in (0, 60)])
+    engine.write_rows(tmp_path, study, [job.row_of_point_or_failure(study, i, study.point(i)) for i in (0, 60)])
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
     assert set(engine.read_rows(tmp_path)["fault"]) == {"none", "mass.mass +1 %"}
     assert "mass.mass +1 %" in sections(tmp_path)[0].html
@@ -356,14 +356,14 @@ def test_a_third_axis_of_small_values_is_cut_into_parts_by_values_of_its_scenes(
 def test_a_scene_of_a_folder_with_a_blank_has_a_command_that_can_be_given(tmp_path):
     folder = tmp_path / "two words"
     study = study_of_count(1)
-    engine.write_rows(folder, study, [job.row_of_point(study, 0, study.point(0))])
+    engine.write_rows(folder, study, [job.row_of_point_or_failure(study, 0, study.point(0))])
     (folder / "study.toml").write_text(study.to_toml(), encoding="utf-8")
     assert f'"study": "\'{folder}/study.toml\'"' in sections(folder)[-1].html
 
 
 def test_a_method_that_cannot_roll_is_a_row():
     study = Study.from_table({"scene": "zipline", "method": "fixed-hermite", "vary": {"mass.mass": [80.0]}})
-    row = job.row_of_point(study, 0, study.point(0))
+    row = job.row_of_point_or_failure(study, 0, study.point(0))
     assert (row["status"], row["cause"]) == ("refused", "method")
 
 
@@ -372,7 +372,7 @@ def test_rides_with_a_tolerance_and_no_method_are_run_by_one_that_can_ride(asked
     study = Study.from_table(
         {"scene": "zipline", "tol": 0.2, "vary": {"mass.mass": [80.0], "drive.end.place": [60.0]}} | asked
     )
-    row = job.row_of_point(study, 0, study.point(0))
+    row = job.row_of_point_or_failure(study, 0, study.point(0))
     assert (row["status"], row.get("cause")) == ("complete", None)
     assert row["path_error"] <= 0.2
 
@@ -385,7 +385,7 @@ def test_a_scene_that_hangs_is_cut_off(monkeypatch):
     monkeypatch.setattr(job, "_run_row", endless)
     monkeypatch.setattr(job, "FRESH", 0.0)
     study = Study.from_table(GRID | {"seconds": 0.3})
-    row = job.row_of_point(study, 2, study.point(2))
+    row = job.row_of_point_or_failure(study, 2, study.point(2))
     assert (row["status"], row["cause"]) == ("cut off", "time")
     assert 0.3 <= row["seconds"] < 30.0
 

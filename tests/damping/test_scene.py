@@ -5,7 +5,7 @@ import math
 import pytest
 
 from cablefem import Scene, SceneError
-from validation.core.scene_data import SceneData
+from validation.core.scene_data import OneSpanData
 from validation.oracles import irvine
 
 LEVEL = Scene.load("level")
@@ -89,8 +89,10 @@ def test_the_judge_computes_the_rate_again_from_the_file(name):
         {"cable.damping": 0.1} | ice | BLOWN,
     ):
         scene = Scene.load(name).replace(changes)
-        given = SceneData(scene.to_toml(), scene.length)
-        assert given.damping_rate(scene.length, scene.horizontal_tension) == pytest.approx(scene.damping, rel=1e-12)
+        given = OneSpanData(scene.to_toml(), scene.length)
+        assert given.damping_rate_with_wind(scene.length, scene.horizontal_tension) == pytest.approx(
+            scene.damping, rel=1e-12
+        )
     deep = Scene.from_groups(sag_ratio=0.1, alpha=700.0, mu=0.1, speed_ratio=0.2).replace({"cable.damping": 0.02})
-    own = SceneData(deep.to_toml(), deep.length).damping_rate(deep.length, deep.horizontal_tension)
+    own = OneSpanData(deep.to_toml(), deep.length).damping_rate_with_wind(deep.length, deep.horizontal_tension)
     assert own == pytest.approx(deep.damping, rel=1e-12)

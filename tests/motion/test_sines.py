@@ -63,7 +63,7 @@ def test_tangent_is_the_derivative(bodies):
         for c in (*ALL.contacts[:-1], free, ALL.contacts[-1])
     ]
     system, x = system_and_random_state(dataclasses.replace(ALL, contacts=tuple(cars)))
-    Z = system.coordinates_with_rates(x)[:, None]
+    Z = system.all_coordinates_with_rates(x)[:, None]
     _, tangent = system.equations.evaluate_with_derivatives(Z, system.frictions_at([1.0]))
     rng = np.random.default_rng(5)
     for which, part, step in ((1, tangent[0], 1e-4), (2, tangent[1], 1e-3), (3, tangent[2], 1e-1)):
@@ -83,7 +83,7 @@ def test_tangent_is_the_derivative(bodies):
 def test_inertia_is_that_of_points_of_the_rope():
     """Second differences of r at fixed s, while contacts move along the rope."""
     system, x = system_and_random_state(ALL)
-    layout, Z, dt = system.layout, system.coordinates_with_rates(x), 1e-3
+    layout, Z, dt = system.layout, system.all_coordinates_with_rates(x), 1e-3
     values = system.equations.evaluate(Z[:, None], system.frictions_at([x.t]))
     s = Z[0, layout.s[:-1], None] + layout.tables.points * np.diff(Z[0, layout.s])[:, None]
     before, now, after = (
@@ -195,7 +195,7 @@ def test_a_rider_is_braked_where_the_text_on_rides_says():
     times = {event.name: event.t for event in work.events}  # the last of each
     assert times["rider brakes"] == pytest.approx(34.800, abs=2e-3)
     assert times["rider stops"] == pytest.approx(35.43, abs=0.01)
-    assert system.coordinates_with_rates(states[-1])[0, system.layout.s[1]] / shorter == pytest.approx(
+    assert system.all_coordinates_with_rates(states[-1])[0, system.layout.s[1]] / shorter == pytest.approx(
         281.375, abs=5e-3
     )
 

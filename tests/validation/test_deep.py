@@ -7,7 +7,7 @@ import numpy as np
 from cablefem.newmark.newmark_rule import NewmarkRule
 from tests.validation import test_rides_check
 from tests.validation.pairs import LEVEL, right_answers
-from validation.commands.check.deep import THIRD, rows_against_third_parties
+from validation.commands.check.deep import THIRD, shared_part_check_rows
 from validation.core.agreement import Verdict
 
 PARTIES = dict(zip(("frequencies", "rest", "driver", "bars"), THIRD, strict=True))
@@ -21,7 +21,7 @@ def third_party_verdict(which, scene, a):
 
 def test_right_answers_agree_with_all_third_parties_that_their_scene_has():
     (a, _), (free, _) = right_answers(), test_rides_check.ride_answers()
-    gripped = list(rows_against_third_parties(LEVEL, a))
+    gripped = list(shared_part_check_rows(LEVEL, a))
     assert [row.law for row in gripped] == [PARTIES[x] for x in ("frequencies", "driver", "bars")]
     rolling = [THIRD[PARTIES["rest"]](RIDE, free)]
     assert {row.verdict for row in [*gripped, *rolling]} == {Verdict.AGREE}, [*gripped, *rolling]

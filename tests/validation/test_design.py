@@ -20,7 +20,7 @@ from validation.core.design import (
     signals_over_common_time,
     widen_bars_to_gaps,
 )
-from validation.core.measures import energy_defect, time_span_for_extremes
+from validation.core.measures import energy_defect_in_joules, time_span_for_extremes
 from validation.core.quasi_static import quasi_static
 from validation.core.running import run
 
@@ -193,7 +193,7 @@ def test_the_first_steps_of_a_mass_that_enters_from_rest_are_right():
 def test_work_is_summed_up_to_where_the_travel_breaks_and_from_there():
     """A trapezoid across the jump of the haul force is off by half a step of it."""
     r = run(CAMERA, "following-p2", elements=6, steps=600, until=0.8)
-    off, blind = (np.abs(energy_defect(x)).max() for x in (r, replace(r, breaks=[])))
+    off, blind = (np.abs(energy_defect_in_joules(x)).max() for x in (r, replace(r, breaks=[])))
     assert off < 0.1 * blind
 
 
@@ -316,7 +316,9 @@ def test_a_derived_quantity_computed_wrongly_is_seen(name, monkeypatch, tmp_path
     right = getattr(Response, name).fget
     monkeypatch.setattr(Response, name, property(lambda r: 1.02 * right(r)))
     run(SCENES["level"], "following-p2", elements=4, steps=100).write(tmp_path / "following-p2")
-    faults = list(readback.file_faults(readback.StoredResults(tmp_path, ["following-p2"], judged=False)))
+    faults = list(
+        readback.file_limit_and_verification_faults(readback.StoredResults(tmp_path, ["following-p2"], judged=False))
+    )
     assert any(f"path.csv: {name} is not what was computed" in fault for fault in faults)
 
 

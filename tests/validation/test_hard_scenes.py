@@ -25,14 +25,14 @@ HOSTILE = Study.load("reliability").model_copy(update={"truth": None, "seconds":
 def test_a_ride_on_a_cable_without_a_rest_is_refused():
     """Its top speed is that of the quasi-static ride, which there is none of."""
     other = HOSTILE.model_copy(update={"sample": HOSTILE.sample.model_copy(update={"seed": 231126})})
-    row = job.row_of_point(other, 8042, other.point(8042))
+    row = job.row_of_point_or_failure(other, 8042, other.point(8042))
     assert (row["status"], row["cause"]) == ("refused", "scene")
     assert "no cable at rest under the car was found" in row["reason"]
 
 
 @pytest.mark.parametrize("index", range(0, len(HOSTILE), 3000))
 def test_a_hostile_scene_gets_an_answer_or_a_diagnosis(index):
-    row = job.row_of_point(HOSTILE, index, HOSTILE.point(index))
+    row = job.row_of_point_or_failure(HOSTILE, index, HOSTILE.point(index))
     assert row["status"] in ("complete", "incomplete", "refused"), row
     assert row["status"] == "complete" or (row["cause"] and row["reason"])
 
@@ -98,7 +98,7 @@ def test_a_ride_that_rolls_back_ends_by_the_support_it_came_from(method):
 
 
 def test_a_coarse_companion_of_which_nothing_is_known_leaves_no_bar():
-    row = job.row_of_point(HOSTILE, 589, HOSTILE.point(589))
+    row = job.row_of_point_or_failure(HOSTILE, 589, HOSTILE.point(589))
     assert row["status"] in ("complete", "incomplete"), row["reason"]
 
 
@@ -141,7 +141,7 @@ def test_energy_is_kept_where_a_light_car_enters_fast_and_steps_are_few(settings
     scale = r.horizontal_tension * r.max_deflection
 
     def defect(r):
-        return float(np.abs(measures.energy_defect(r)[measures.steps_in_window(r, window)]).max()) / scale
+        return float(np.abs(measures.energy_defect_in_joules(r)[measures.steps_in_window(r, window)]).max()) / scale
 
     assert defect(r) < 4e-4
     assert defect(replace(r, power=1.01 * r.power)) > 4e-4

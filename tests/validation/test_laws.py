@@ -13,7 +13,7 @@ from tests.scene.test_ride import ZIP
 from tests.validation.ladders import ladder_without_coarser_runs, run_ladder
 from validation.core import laws
 from validation.core.running import run
-from validation.core.scene_data import SceneData
+from validation.core.scene_data import OneSpanData
 
 WINDOW = (0.02, 0.40)
 
@@ -320,7 +320,7 @@ def test_a_wrong_drive_of_both_wings_is_seen(ride_ladder, fault):
 
 
 def test_the_judge_reads_the_toml_by_itself(level_ladder):
-    given = SceneData(level_ladder.finest.scene_toml, level_ladder.finest.length)
+    given = OneSpanData(level_ladder.finest.scene_toml, level_ladder.finest.length)
     assert (given.rho, given.mass, given.span) == (1.0, 2002.3720103, 2000.0)
     assert given.prescribed == ("length", 2002.3720103)
     hanging = Catenary.from_length(given.span, given.drop, given.rho * given.gravity, given.prescribed[1])

@@ -123,7 +123,7 @@ def _compare_answers(a: Answer, b: Answer, allowed: AllowedGaps, window: Window 
 def _compare_lines_in_motion(a: LineAnswer, b: LineAnswer, allowed: AllowedGaps, window: Window) -> list[Agreement]:
     """Rows of the path of each car and, if asked, of the worst tension, at the steps of the coarser run."""
     _refuse_other_cars_or_contacts(a.moved, b.moved)
-    t = _steps_of_coarser_run(a.moved, b.moved, window)
+    t = _step_times_of_coarser_run(a.moved, b.moved, window)
     over = f"from {t[0]:.4g} to {t[-1]:.4g} s"
 
     def row(quantity: str, law: str, gap: Array, allowed_gap: float, why: str) -> Agreement:
@@ -151,7 +151,7 @@ def _refuse_other_cars_or_contacts(a: LineRun, b: LineRun) -> None:
         raise NotComparable(f"one has {', '.join(names)}, the other {', '.join(others)}")
 
 
-def _steps_of_coarser_run(a: LineRun, b: LineRun, window: Window) -> Array:
+def _step_times_of_coarser_run(a: LineRun, b: LineRun, window: Window) -> Array:
     """Steps (n,) [s] of the coarser of two runs of one line in a window; NotComparable for fewer than 5."""
     steps = np.unique(min(a.motion.t, b.motion.t, key=len))
     end = min(window[1], a.end, b.end)

@@ -31,7 +31,7 @@ from validation.core.measures import (
 )
 from validation.core.order import FIRST
 from validation.core.quantities import unit_of
-from validation.core.scene_data import ROUNDING, SceneData, is_within
+from validation.core.scene_data import ROUNDING, OneSpanData, is_within
 from validation.core.store import nulls_for_nonfinite
 from validation.core.wheels import rope_stresses_under_wheel
 
@@ -156,7 +156,7 @@ _scene_of_toml = lru_cache(maxsize=4)(Scene.from_toml)
 @lru_cache(maxsize=4)
 def axial_round_trip_time(toml: str, length: float) -> float:
     """Time [s] of an axial wave to the other support and back."""
-    return SceneData(toml, length).round_trip
+    return OneSpanData(toml, length).round_trip
 
 
 def design_quantities(scene: Scene) -> list[DesignQuantity]:

@@ -14,7 +14,7 @@ from scipy.integrate import simpson
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from cablefem.response import Array, Response
-from validation.core.scene_data import ROUNDING, SceneData, air_drag_factor, is_within, thrust_times_and_forces
+from validation.core.scene_data import ROUNDING, OneSpanData, air_drag_factor, is_within, thrust_times_and_forces
 from validation.core.timetable import Timetable
 
 AT_REST = ("s", "x", "y", "T_static")
@@ -30,7 +30,7 @@ class TimeWindows:
     steps: Array  # (k',) for laws of the mass, with begin and end
 
     @classmethod
-    def over_part_of_run(cls, r: Response, window: Window, until: float = math.inf) -> TimeWindows:
+    def over_part_of_run(cls, r: Response, window: Window, until: float) -> TimeWindows:
         """Time windows over a part of a run, s_o/l of a prescribed travel; of a free ride all up to a time [s]."""
         begin = 0.0
         end = min(until, float(r.t[-1]))
@@ -76,7 +76,7 @@ class Evidence:
     def __init__(self, r: Response, windows: TimeWindows) -> None:
         self.r = r
         self.windows = windows
-        self.data = SceneData(r.scene_toml, r.length)
+        self.data = OneSpanData(r.scene_toml, r.length)
 
     def without_every_second_step(self) -> Evidence:
         """Without every second step; jumps and the slack onset stay."""
@@ -157,9 +157,9 @@ class Evidence:
         return np.asarray(CubicHermiteSpline(self.r.t, total, np.nan_to_num(rate))(self.window_times))
 
     @cached_property
-    def damping_rate(self) -> float:
+    def damping_rate_with_wind(self) -> float:
         """Viscous damping of the cable per mass [1/s]."""
-        return self.data.damping_rate(self.r.length, self.r.horizontal_tension)
+        return self.data.damping_rate_with_wind(self.r.length, self.r.horizontal_tension)
 
     @cached_property
     def swept_area_integral(self) -> Array:
@@ -301,8 +301,8 @@ class Evidence:
             powers = {"grip": self.grip_power(r.T_behind, r.T_ahead)}
         else:
             powers = self._powers_on_rolling_car()
-        if self.damping_rate:
-            powers["lost_viscous"] = -2.0 * self.damping_rate * (r.kinetic - self.kinetic_energy_of_mass)
+        if self.damping_rate_with_wind:
+            powers["lost_viscous"] = -2.0 * self.damping_rate_with_wind * (r.kinetic - self.kinetic_energy_of_mass)
         return powers
 
     @property

@@ -133,7 +133,7 @@ def _read_known_columns(file: Path, scene: Scene) -> tuple[dict[str, Array], lis
     header, rows = _read_header_and_rows(file, known)
     columns_by_index = {i: known[name] for i, name in enumerate(header) if name in known}
     faults = _header_faults(header, columns_by_index, scene) if rows else ["no rows below the names of the columns"]
-    faults = faults or list(_cell_faults(header, columns_by_index, rows))
+    faults = faults or list(_row_length_and_cell_faults(header, columns_by_index, rows))
     if faults:
         more = [f"and {len(faults) - 5} more cells like these"] if len(faults) > 5 else []
         raise Refused([f"{file.name}: {fault}" for fault in faults[:5] + more])
@@ -201,7 +201,7 @@ def _unknown_endings_text(header: Sequence[str], found: Container[str]) -> str:
     return text
 
 
-def _cell_faults(
+def _row_length_and_cell_faults(
     header: list[str], columns_by_index: dict[int, tuple[str, float]], rows: list[tuple[int, list[str]]]
 ) -> Iterator[str]:
     """Rows of another length than the header, and cells that are no number; a tension may be unknown."""

@@ -679,7 +679,7 @@ def cable_momentum_defect(evidence: Evidence) -> Defect:
     weight = rho * evidence.data.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
     cable = evidence.cable_integrals_at_window_times
-    momentum = rho * (cable.velocity + evidence.damping_rate * cable.points)
+    momentum = rho * (cable.velocity + evidence.damping_rate_with_wind * cable.points)
     conserved = momentum - evidence.integral_up_to_window_times(force)
     total_weight = weight + evidence.data.weight
     return _window_change_defect(evidence, conserved, total_weight * evidence.mean_window_duration)
@@ -696,8 +696,8 @@ def cable_angular_momentum_defect(evidence: Evidence) -> Defect:
     moment = cross_product(right, r.reaction_right) + cross_product(car, r.contact)
     own = weight * evidence.lever_integral
     spin = evidence.cable_integrals_at_window_times.spin
-    if evidence.damping_rate:
-        spin = spin + evidence.damping_rate * evidence.swept_area_integral
+    if evidence.damping_rate_with_wind:
+        spin = spin + evidence.damping_rate_with_wind * evidence.swept_area_integral
     conserved = (data.rho * spin - own)[:, None] - evidence.integral_up_to_window_times(moment[:, None])
     total_weight = weight * r.fields.s[-1] + data.weight
     return _window_change_defect(evidence, conserved, total_weight * data.span * evidence.mean_window_duration)

@@ -533,7 +533,7 @@ class _PrintedLine:
         angle = math.degrees(self.tension_max / max(min(pressures, default=1.0), 1.0))
         return dict.fromkeys(LENGTHS, reach) | dict.fromkeys(ANGLES, angle) | {"safety_factor": 1.0}
 
-    def _rounding(self, name: str) -> float:
+    def _allowed_rounding(self, name: str) -> float:
         """The rounding that is allowed to a number by its name."""
         return ROUNDING * float(self._scales.get(_kind_without_extreme(name), self.tension_max))
 
@@ -569,7 +569,7 @@ class _PrintedLine:
                     cell = _float_or_none(cell)
                 else:
                     expected = "" if expected is None else str(expected)
-                self.gaps.note_difference(f"positions.csv, {kind}", where, cell, expected, self._rounding(name))
+                self.gaps.note_difference(f"positions.csv, {kind}", where, cell, expected, self._allowed_rounding(name))
 
     def note_profile(self) -> None:
         """Note the gaps of profile.csv, and of the profile and the ropes drawn by ropes.json."""
@@ -609,7 +609,7 @@ class _PrintedLine:
             kind, colon, subject = quantity.partition(":")
             name = quantity if quantity in known else _kind_without_extreme(quantity) + colon + subject
             names.add(name)
-            allowed = self._rounding(name) + (number["bar"] or 0.0)
+            allowed = self._allowed_rounding(name) + (number["bar"] or 0.0)
             expected = known[name][kind.endswith("_max")] if name in known else None
             gaps.note_difference("design", quantity, number["value"], expected, allowed)
             i = number["position"] - 1

@@ -322,7 +322,7 @@ def relative_displacement_gap(
     return float(np.sqrt(np.mean((first - second) ** 2) / np.mean(second**2)))
 
 
-def energy_defect(r: Response) -> Array:
+def energy_defect_in_joules(r: Response) -> Array:
     """(n,) [J]: E(t) - E(0) minus the work of the drive; entry with speed is a jump of force."""
     from validation.core.evidence import cumulative_integral  # slow to load
 
@@ -336,7 +336,7 @@ def energy_defect(r: Response) -> Array:
 
 def max_relative_energy_gain(r: Response, weight: float, window: Window) -> float:
     """Largest energy gained without work between two times in the window, over weight times largest deflection."""
-    defect = energy_defect(r)[steps_in_window(r, window)]
+    defect = energy_defect_in_joules(r)[steps_in_window(r, window)]
     largest_later = np.maximum.accumulate(defect[::-1])[::-1]
     gain = largest_later - defect
     return float(gain.max() / (weight * r.max_deflection))

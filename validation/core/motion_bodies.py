@@ -75,7 +75,7 @@ class RopeContact:
         """By the load, without what a shoe takes, and the forces along the rope [N]."""
         return self.tau * (1j * (self.load - self.load_taken_by_shoe) - self.along * self.projection)
 
-    def force_from_rope_kink(self, rho: float) -> ComplexVector:
+    def force_on_rope_by_kink(self, rho: float) -> ComplexVector:
         """`force_on_rope` by the rope's tensions, slopes and mass per length rho [N]."""
         return self.kink + rho * self.ds**2 * self.turn
 

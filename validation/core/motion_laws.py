@@ -214,7 +214,7 @@ def _time_windows(t: Array, end: float) -> Iterator[TimeWindow]:
         yield TimeWindow(part, t[part], W, W1, W2)
 
 
-def relative_energy_defect(t: Array, energy: Array, kinetic: Array, powers: Sequence[Array]) -> Array:
+def energy_defect_over_all_work(t: Array, energy: Array, kinetic: Array, powers: Sequence[Array]) -> Array:
     """Energy less work since the start (n,), over all work done.
 
     That is the integrals of |power| of all powers (n,), and by weight the range of the kinetic energy.
@@ -274,7 +274,7 @@ def counterweight_defects_by_window(x: SampledMotion, end: float) -> Array:
 
 
 def energy_defects(x: SampledMotion, end: float) -> Array:
-    """Energy less work since the start (n,), see `relative_energy_defect`."""
+    """Energy less work since the start (n,), see `energy_defect_over_all_work`."""
     line = x.line
     kinetic = x.kinetic + sum(body.kinetic_energy for body in x.bodies)
     energy = kinetic - line.q * x.rope_depth + x.rope_squared_tension / (2.0 * line.EA)
@@ -293,7 +293,7 @@ def energy_defects(x: SampledMotion, end: float) -> Array:
         entering = 0.5 * line.rho * (ds * (1.0 + N / line.EA)) ** 2
         per_length = N + N**2 / (2.0 * line.EA) + line.q * table["at"][1] - entering
         powers.append(-outward * ds * per_length)
-    return relative_energy_defect(x.t, energy, kinetic, powers)
+    return energy_defect_over_all_work(x.t, energy, kinetic, powers)
 
 
 def body_moment_defects_by_window(x: SampledMotion, end: float) -> Array:
@@ -316,7 +316,7 @@ def body_kink_force_defects_by_window(x: SampledMotion, end: float) -> Array:
     for body in x.bodies:
         weight = body.data["mass"] * body.g
         for touching in body.touching if body.turning is not None else ():
-            defect = touching.force_on_rope - touching.force_from_rope_kink(x.line.rho)
+            defect = touching.force_on_rope - touching.force_on_rope_by_kink(x.line.rho)
             for window in _time_windows(x.t, end):
                 along = window.weighted_integral(defect.real)
                 down = window.weighted_integral(defect.imag)

@@ -23,7 +23,7 @@ from cablefem.scene.line import Line, LineRope
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.clearances import heights_along_path, min_rope_heights, obstacle_and_ground_profiles
 from validation.core.ladder import Ladder, max_distance, row_with_error_bars
-from validation.core.motion_laws import every_nth_step, relative_energy_defect, rope_chain, tension_behind_or_ahead
+from validation.core.motion_laws import energy_defect_over_all_work, every_nth_step, rope_chain, tension_behind_or_ahead
 from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel
 
 ANGLES = ("swing", "pitch")
@@ -316,11 +316,11 @@ def _event_times_over(moved: LineRun, end: float) -> Array:
 
 
 def relative_unbalanced_work(moved: LineRun, every: int = 1) -> Array:
-    """Energy less work since the start (n,), see `relative_energy_defect`;  every : n to take every n-th step."""
+    """Energy less work since the start (n,), see `energy_defect_over_all_work`;  every : n to take every n-th step."""
     motion = moved.motion
     steps = every_nth_step(motion.t, every)
     powers = [power[steps] for power in motion.powers.values()]
-    return relative_energy_defect(motion.t[steps], motion.energy[steps], motion.kinetic[steps], powers)
+    return energy_defect_over_all_work(motion.t[steps], motion.energy[steps], motion.kinetic[steps], powers)
 
 
 def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., Array], end: float) -> Agreement:

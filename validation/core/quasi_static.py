@@ -118,7 +118,7 @@ def _haul_force(groups: Groups, r: Rest, velocity: Array, acceleration: Array) -
     weight = groups.mu * groups.sigma * tau[:, 0]  # across the tangent (n,)
     contact = weight + more[:, 0] * tau[:, 1] - more[:, 1] * tau[:, 0]
     added = np.abs(contact) - np.abs(weight)
-    friction = groups.drive.mu_r * added * size / (2.0 * r.stretch_at_car)
+    friction = groups.drive.mu_r * added * size / (2.0 * r.mean_stretch_at_car)
     return r.haul + (more * tau).sum(1) + friction
 
 

@@ -27,7 +27,7 @@ from validation.core.measures import (
 from validation.core.rest import car_point_at_rest, empty_cable
 from validation.core.scene_data import (
     ROUNDING,
-    SceneData,
+    OneSpanData,
     is_within,
     means_around_times,
     min_height_over,
@@ -93,7 +93,7 @@ class RecomputedNumbers:
 
     def __init__(self, r: Response, counterpart: Response | None) -> None:
         self.r = r
-        self.data = SceneData(r.scene_toml, r.length)
+        self.data = OneSpanData(r.scene_toml, r.length)
         self.timetable = Timetable(self.data.travel, self.data.drive, r.length)
         self.signals = _signals_by_kind(r, self.data)
         self.time_span = time_span_for_extremes(r, counterpart)
@@ -171,7 +171,7 @@ class RecomputedNumbers:
         return heights
 
 
-def _max_sag_of_car_at_rest(r: Response, data: SceneData) -> float:
+def _max_sag_of_car_at_rest(r: Response, data: OneSpanData) -> float:
     """Largest depth below the chord of a car at rest: a parabola through the largest of some places."""
     friction = data.drive.get("rolling_friction", 0.0) if r.drive == "haul" else None
     s_o = r.length * np.linspace(0.02, 0.98, 49)
@@ -185,7 +185,7 @@ def _max_sag_of_car_at_rest(r: Response, data: SceneData) -> float:
     return float(c - b * b / (4.0 * a))
 
 
-def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:
+def _signals_by_kind(r: Response, data: OneSpanData) -> dict[str, Signals]:
     """Signals of each kind of design number."""
     f = r.fields
     at_steps = _signals_at_car(r, data)
@@ -212,7 +212,7 @@ def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:
     return signals
 
 
-def _signals_at_car(r: Response, data: SceneData) -> dict[str, Array]:
+def _signals_at_car(r: Response, data: OneSpanData) -> dict[str, Array]:
     """Signals (n,) of the car at steps, and the tilt of the wind."""
     tilt = math.degrees(math.atan(data.crosswind_force() / (data.rho * data.gravity)))
     driving = "thrust" if r.drive == "free" else "haul_force"

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import root
 
 from cablefem.response import Array, Response
-from validation.core.scene_data import SceneData
+from validation.core.scene_data import OneSpanData
 
 
 class EmptyCable(NamedTuple):
@@ -30,7 +30,7 @@ class EmptyCable(NamedTuple):
     H: float  # horizontal tension [N]
 
 
-def empty_cable(data: SceneData, r: Response) -> EmptyCable:
+def empty_cable(data: OneSpanData, r: Response) -> EmptyCable:
     """The cable of a run without its car."""
     return EmptyCable((data.span, data.drop), data.EA, data.rho * data.gravity, r.length, r.horizontal_tension)
 

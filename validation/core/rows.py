@@ -427,7 +427,7 @@ def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> 
     positions = np.linspace(onset, end, 200)[1:-1]  # s_o/l, (n,)
 
     def largest_so_far(x: Response, y: Response) -> Array:
-        distances = trust.relative_path_distances_at(x, y, positions)
+        distances = trust.path_distances_over_deflection(x, y, positions)
         return np.maximum.accumulate(np.nan_to_num(distances, nan=math.inf))
 
     bar_a, bar_b = (np.broadcast_to(x.bar(identity, largest_so_far, FIRST), positions.shape) for x in (a, b))

@@ -94,7 +94,7 @@ class Run:
 
         A failed run has status "incomplete" and the reason.  Energy gained without work is flagged.
         """
-        self.march_to(until, progress)
+        self.march_until_end_or_failure(until, progress)
         return self.response_so_far()
 
     def response_so_far(self) -> Response:
@@ -106,7 +106,7 @@ class Run:
             self._latest = now, with_energy_gain_and_flags(response, self.scene, self.method)
         return self._latest[1]
 
-    def march_to(self, until: float | None, progress: Progress = no_progress) -> None:
+    def march_until_end_or_failure(self, until: float | None, progress: Progress = no_progress) -> None:
         """Compute states to s_o/l = until; a failure ends the run with its reason."""
         if until is not None and not (isinstance(until, Real) and until > 0.0):
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")

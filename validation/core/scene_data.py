@@ -136,7 +136,7 @@ class LineData:
         self.heat = thermal_stretch(cable)
 
 
-class SceneData:
+class OneSpanData:
     """A scene's numbers from its TOML, SI; `length` is that at rest."""
 
     def __init__(self, toml: str, length: float) -> None:
@@ -186,7 +186,7 @@ class SceneData:
         """Force over velocity and length [N s/m^2]."""
         return self._crosswind_drag_factor() * self.wind["across"] if self.wind else 0.0
 
-    def damping_rate(self, length: float, H: float) -> float:
+    def damping_rate_with_wind(self, length: float, H: float) -> float:
         """Force over momentum of the cable [1/s]; its own and the crosswind's."""
         own = self.cable.get("damping", 0.0)
         if not (own or self.wind):

@@ -74,7 +74,7 @@ class Timetable(NamedTuple):
             last = min(last, self.drive.get("end", {}).get("time", math.inf))
         distance = self.distance
         if travel["kind"] == "table":
-            return _top_speed_of_table(travel, distance, last)
+            return _top_speed_of_timetable(travel, distance, last)
         speed, stretches = _start_speed_and_stretches(travel, distance)
         times = np.cumsum([0.0] + [duration for duration, _, _ in stretches])
         if travel["kind"] == "constant_acceleration":  # its stretch has no end
@@ -85,7 +85,7 @@ class Timetable(NamedTuple):
         return float(v.max())
 
 
-def _top_speed_of_table(travel: dict[str, Any], distance: float, last: float) -> float:
+def _top_speed_of_timetable(travel: dict[str, Any], distance: float, last_time: float) -> float:
     """Largest speed [m/s] of the C2 curves through the rows, at rest beside a standstill."""
     t = np.array(travel["times"])
     s = np.array(travel["positions"])
@@ -104,9 +104,9 @@ def _top_speed_of_table(travel: dict[str, Any], distance: float, last: float) ->
         curve = CubicSpline(t[rows], s[rows], bc_type=ends)
         extremes = curve.derivative(2).roots(extrapolate=False)
         arrival = curve.solve(distance, extrapolate=False)
-        times = np.concatenate([t[rows], extremes, arrival, np.clip([last], t[i], t[j])])
+        times = np.concatenate([t[rows], extremes, arrival, np.clip([last_time], t[i], t[j])])
         times = times[np.isfinite(times)]
-        reached = (times <= last) & (curve(times) <= distance * (1.0 + ROUNDING))
+        reached = (times <= last_time) & (curve(times) <= distance * (1.0 + ROUNDING))
         top = max(top, curve(times[reached], 1).max(initial=0.0))
     return float(top)
 

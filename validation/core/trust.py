@@ -18,9 +18,9 @@ def _path_at_positions(r: Response, at: Array) -> Array:
     return np.asarray(PchipInterpolator(position[rising], path[rising], extrapolate=False)(at))
 
 
-def relative_path_distances_at(a: Response, b: Response, at: Array) -> Array:
+def path_distances_over_deflection(a: Response, b: Response, positions: Array) -> Array:
     """Distances (n,) of two paths at s_o/l (n,), over the largest deflection; nan where one does not reach."""
-    distance = np.linalg.norm(_path_at_positions(a, at) - _path_at_positions(b, at), axis=1)
+    distance = np.linalg.norm(_path_at_positions(a, positions) - _path_at_positions(b, positions), axis=1)
     return distance / max(a.max_deflection, b.max_deflection)
 
 
@@ -29,7 +29,7 @@ def max_path_gap_past_slack(a: Response, b: Response, stop: float) -> float:
     onset = min(a.slack_onset_position_or_inf, b.slack_onset_position_or_inf)
     if not onset < stop:
         return math.nan
-    return float(np.nanmax(relative_path_distances_at(a, b, np.linspace(onset, stop, 400))))
+    return float(np.nanmax(path_distances_over_deflection(a, b, np.linspace(onset, stop, 400))))
 
 
 def _rms_of_known(x: Array) -> float:
@@ -51,8 +51,8 @@ def convergence_limit(runs: Sequence[Response]) -> float:
     edges = np.append(np.arange(0.0, end, 0.02), end)
     for low, high in pairwise(edges.tolist()):
         at = np.linspace(low, high, 41)[1:]
-        before = _rms_of_known(relative_path_distances_at(coarse, middle, at))
-        after = _rms_of_known(relative_path_distances_at(middle, fine, at))
+        before = _rms_of_known(path_distances_over_deflection(coarse, middle, at))
+        after = _rms_of_known(path_distances_over_deflection(middle, fine, at))
         if not after <= max(0.8 * before, 1e-3):
             return float(low)
     return float(end)

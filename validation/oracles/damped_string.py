@@ -56,10 +56,10 @@ def cases() -> Iterator[Case]:
     yield _released_string("the same, told 0.7", 0.7, expected="disagree")
 
 
-def _free_vibration(name: str, c: float, **kind: Any) -> Modes:
-    """Frequencies and decays of a cable with damping 0.1 against those with damping c."""
+def _free_vibration(name: str, c_exact: float, **kind: Any) -> Modes:
+    """Frequencies and decays of a cable with damping 0.1 against those with damping `c_exact`."""
     undamped = irvine.lowest_frequencies(irvine.irvine_parameter(BARE.sigma, BARE.alpha), 4)
-    exact = damped_frequencies(undamped, c)
+    exact = damped_frequencies(undamped, c_exact)
     groups = replace(BARE, damping=0.1)
     why = "stationary values: twice the degree; sines against their own ends"
     return Modes(name=name, groups=groups, model="sagged", exact=exact, order=3.0, because=why, methods=BEST, **kind)

@@ -27,9 +27,9 @@ def quasi_static_ride(scene: Scene, curve: Curve = LoadPath.on_loaded_cable) -> 
     return roll_ride(curve(g), g.mu, g.sigma, g.drive)
 
 
-def _deviation_with_drag(solvers: Solvers, method: str, drag: float) -> Array:
+def _path_deviations_over_time(solvers: Solvers, method: str, drag_area: float) -> Array:
     """Distance of s_o(t) from the quasi-static ride, over l."""
-    scene = Scene.from_toml(ZIP + f"start = 60.0\nrelease = 4.0\ndrag_area = {drag!r}\nend = {{place = 110.0}}")
+    scene = Scene.from_toml(ZIP + f"start = 60.0\nrelease = 4.0\ndrag_area = {drag_area!r}\nend = {{place = 110.0}}")
     r = solvers.run_scene(scene, method, steps=400, scheme="generalized-alpha")
     exact, _ = quasi_static_ride(scene).position_and_speed(r.t / scene.time_scale)
     return np.abs(r.s_o / r.length - exact)
@@ -56,7 +56,7 @@ def cases() -> Iterator[Limit]:
     slow = "the cable's inertia counts like the speed's square, which falls like one over the drag"
     yield Limit(
         name="much drag: place over l", refined="drag area", values=(2.5, 10.0, 40.0), order=1.0, because=slow,
-        deviation=_deviation_with_drag, methods=RIDERS,
+        deviation=_path_deviations_over_time, methods=RIDERS,
     )  # fmt: skip
     yield _fast_waves_limit("place over l", "place", LoadPath.on_loaded_cable)
     yield _fast_waves_limit("speed over the largest", "speed", LoadPath.on_loaded_cable)

@@ -46,7 +46,7 @@ def rest_position(groups: Groups, low: float = 0.05, high: float = 0.95) -> floa
 def holding_force_by_car_balance(rest: Rest) -> float:
     """F_hold by the car's balance, <lam> tau.C/cos(phi); 1e-6 off."""
     mean = 0.5 * (rest.slope_behind[0] + rest.slope_ahead[0])
-    return float(mean @ rest.jump[0] * rest.stretch_at_car[0] ** 2 / (mean @ mean))
+    return float(mean @ rest.jump[0] * rest.mean_stretch_at_car[0] ** 2 / (mean @ mean))
 
 
 Quantity = Callable[[Callable[[float], float], Groups], float]  # of a solver's holding force over s_o, on a rope

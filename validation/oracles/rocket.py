@@ -50,7 +50,7 @@ def solve_depth_under_thrust(
     return run.sol
 
 
-def _relative_depth_deviation(solvers: Solvers, method: str, sigma: float, lift: bool = True) -> Array:
+def _relative_depth_deviation(solvers: Solvers, method: str, sigma: float, lift: bool) -> Array:
     mu = 0.3
     a = 0.8
     s0 = 0.4

@@ -32,7 +32,7 @@ def wave_resistance_over_weight_squared(t: ArrayLike, *, mu: float, V: float, s0
     return -load * (slope + shape / mu)
 
 
-def _resistance_deviation(solvers: Solvers, method: str, sigma: float, drag: bool = True) -> Array:
+def _resistance_errors_over_time(solvers: Solvers, method: str, sigma: float, *, exact_with_drag: bool) -> Array:
     mu = 0.3
     V = 0.4
     s0 = 0.35
@@ -40,13 +40,13 @@ def _resistance_deviation(solvers: Solvers, method: str, sigma: float, drag: boo
     drive = {"mode": "haul", "start": s0, "end": {"place": s0 + V * t_end}}
     scene = scene_in_units_of_cable(sigma, 300.0, mu, drive, travel=ConstantSpeed(speed=V))
     r = solvers.run_scene(scene, method, steps=400, scheme="generalized-alpha")
-    exact = wave_resistance_over_weight_squared(r.t / scene.time_scale, mu=mu, V=V, s0=s0, drag=drag)
+    exact = wave_resistance_over_weight_squared(r.t / scene.time_scale, mu=mu, V=V, s0=s0, drag=exact_with_drag)
     resistance = r.F_haul - mu * r.acceleration[:, 0]
     return resistance / (mu * sigma) ** 2 - exact
 
 
 def _wave_drag_limit(name: str, drag: bool) -> Limit:
-    deviation = partial(_resistance_deviation, drag=drag)
+    deviation = partial(_resistance_errors_over_time, exact_with_drag=drag)
     return Limit(
         name=name, refined="sigma", values=(3e-1, 1e-1, 3e-2), order=0.8, deviation=deviation, methods=RIDERS,
         because="sag and stretch change the waves like sigma", expected="agree" if drag else "disagree",

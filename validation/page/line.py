@@ -241,7 +241,7 @@ def _figures_over_position(car: str, positions: Sequence[Row]) -> Iterator[Marku
             yield series_figure(series, WORDS[kinds[0]]["unit"], x, f"x of {car} [m]", title)
 
 
-def _lowest_rope_point_figure(grid: StoredGrid) -> Markup:
+def _lowest_point_path_figure(grid: StoredGrid) -> Markup:
     p = Panel("depth [m]", height=180.0, down=True)
     for path, row, color in zip(grid.paths, grid.rows, plot.COLORS * len(grid.rows), strict=False):
         if path:
@@ -260,7 +260,7 @@ def line_grid_sections(
     rows = grid.rows
     html = [grid_table(rows, table_columns(rows, grid.keys))]
     if any(grid.paths):
-        html.append(_lowest_rope_point_figure(grid))
+        html.append(_lowest_point_path_figure(grid))
     incomplete = sum(row["status"] != "complete" for row in rows)
     text = f"{len(rows)} lines, {incomplete} incomplete."
     return [Section(folder.name, "All of them", Markup("\n").join(html), worst_verdict(rows), text)]

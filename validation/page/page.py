@@ -172,7 +172,7 @@ def percent_text(fraction: float | None, digits: int = 2) -> str:
     return f"{number_text(100.0 * fraction, digits)}\u202f%"
 
 
-def typeset_number(text: str) -> str:
+def typeset_bar_and_minus(text: str) -> str:
     """A number with bar and unit, with a minus sign and without line breaks."""
     return text.replace(" ± ", "\u202f±\u202f").replace("-", "−")
 
@@ -249,7 +249,7 @@ _ENVIRONMENT.filters |= {
     "force": force_text,
     "design_row_texts": design_row_texts,
     "verification_row_texts": verification_row_texts,
-    "typeset": typeset_number,
+    "typeset": typeset_bar_and_minus,
     "text_with_bar": text_with_bar,
 }
 _ENVIRONMENT.globals["verdicts"] = VERDICTS

@@ -36,7 +36,8 @@ def write_report_and_finish(folder: Path, command: str, faults: Sequence[str] = 
         for other in reversed(store.commands_on_latest_scene(folder))
         if other == command or store.is_finished(folder, other)
     ]
-    sections = _with_unique_ids((other, section) for other in done for section in read_stored_sections(folder, other))
+    stored = ((other, section) for other in done for section in read_stored_sections(folder, other))
+    sections = _with_unique_ids_and_titles(stored)
     title = store.scene_title(folder) or next((s.title for s in sections), folder.name)
     page.write_page(title, sections, folder / "report.html")
     store.mark_finished_with_files(folder, command)
@@ -48,7 +49,7 @@ def read_back_and_report(command: str, stored: StoredResults, printed_lines: Seq
 
     text = (stored.folder / store.REPORT).read_text(encoding="utf-8")
     faults = [
-        *readback.file_faults(stored),
+        *readback.file_limit_and_verification_faults(stored),
         *readback.page_faults(text, command, stored),
         *readback.terminal_faults(printed_lines, stored),
     ]
@@ -74,7 +75,7 @@ def read_stored_sections(folder: Path, command: str) -> list[Section]:
         return [Section(command, command, text)]
 
 
-def _with_unique_ids(pages: Iterable[tuple[str, Section]]) -> list[Section]:
+def _with_unique_ids_and_titles(pages: Iterable[tuple[str, Section]]) -> list[Section]:
     """Sections that name their command; ids and titles that an earlier command has are told apart by it."""
     out: dict[str, Section] = {}
     titles: dict[str, str] = {}  # command by title
@@ -132,7 +133,7 @@ def write_and_print_combined_report(root: Path, parts: Sequence[Part], broken: S
             section = replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
             pages.setdefault(command, ([], []))[min(i, 1)].append(section)
     ordered = [(command, s) for command, (first, others) in pages.items() for s in first + others]
-    sections = [*broken, *_with_unique_ids(ordered)]
+    sections = [*broken, *_with_unique_ids_and_titles(ordered)]
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.write_page("cablefem", sections, root / "report.html")

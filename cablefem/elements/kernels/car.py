@@ -56,7 +56,7 @@ class Car(NamedTuple):
 class CarOnMesh(NamedTuple):
     car: Car
     slopes: Any  # (2, n_loc) shape d/dxi behind and ahead
-    bounds: Any  # see `is_before_event`
+    bounds: Any  # see `car_is_before_event`
 
 
 class ForcesOnCar(NamedTuple):
@@ -361,7 +361,7 @@ def add_car_tangent(
 
 
 @inner
-def is_before_event(cable: Cable, rolling_car: CarOnMesh | None, drive_inputs: Array, x: Array) -> bool:
+def car_is_before_event(cable: Cable, rolling_car: CarOnMesh | None, drive_inputs: Array, x: Array) -> bool:
     """Return whether a car at x has had no event; True without a car.
 
     rolling_car.bounds : (6,) or empty: bounds of s_o, signs of ds_o and of speed (0: any), smallest speed and normal

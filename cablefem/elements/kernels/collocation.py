@@ -18,7 +18,7 @@ from cablefem.elements.kernels.balance import (
     side_begin_and_length,
 )
 from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve_factored_in_place
-from cablefem.elements.kernels.car import CarOnMesh, is_before_event
+from cablefem.elements.kernels.car import CarOnMesh, car_is_before_event
 from cablefem.elements.kernels.newton import NO_TANGENT, assemble_balance
 from cablefem.newmark import Array, Newton, Tableau
 from cablefem.newmark.collocation import SAME_STEP
@@ -82,7 +82,7 @@ def collocate_until_event(
         if not result[0] <= newton.bound:
             return k
         set_end_state(step, steps.ends[k + 1])
-        if not is_before_event(cable, rolling_car, step.inputs[-1], x[-1]):
+        if not car_is_before_event(cable, rolling_car, step.inputs[-1], x[-1]):
             return k
         if steps.slack_ends and not result[4] >= 0.0:
             return k + 1

@@ -16,7 +16,7 @@ from cablefem.elements.kernels.balance import (
     set_mass_damping_stiffness,
 )
 from cablefem.elements.kernels.banded import Tangent, dot, factorise_in_place, solve_factored_in_place
-from cablefem.elements.kernels.car import CarOnMesh, assemble_with_car, is_before_event
+from cablefem.elements.kernels.car import CarOnMesh, assemble_with_car, car_is_before_event
 from cablefem.newmark import Array, Newton
 
 NO_TANGENT = 0.0, 0.0, 0.0
@@ -78,7 +78,7 @@ def solve_newmark_steps(
         norm = result[0]
         min_tension = result[4]
         slack = steps.slack_ends and not min_tension >= 0.0
-        if slack or not (norm <= newton.bound and is_before_event(cable, rolling_car, steps.inputs[k], step.end)):
+        if slack or not (norm <= newton.bound and car_is_before_event(cable, rolling_car, steps.inputs[k], step.end)):
             return k
     return steps.rules.shape[0]
 

@@ -102,7 +102,7 @@ def energy_gain(method: str, **how: Any) -> float:
 def tension_ripple(method: str, **how: Any) -> float:
     """Rms ripple of the tension off the mass over H, see `measured.tension_ripple_over_H`."""
     r = run_on_level(method, law="elastic", **how)
-    return measured.tension_ripple_over_H(r, min_distance=measures.JUMP_WIDTH)
+    return measured.tension_ripple_over_H(r, min_distance_from_mass=measures.JUMP_WIDTH)
 
 
 @cache

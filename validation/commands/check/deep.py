@@ -26,7 +26,7 @@ ROUNDING = 1e-8
 HALVED = "the change from coarser runs"
 
 
-def rows_against_third_parties(scene: Scene, elements: Ladder) -> Iterator[Agreement]:
+def shared_part_check_rows(scene: Scene, elements: Ladder) -> Iterator[Agreement]:
     """A row for each part that both solvers share and a third party can compute; elements : their runs."""
     for what, third in THIRD.items():
         try:

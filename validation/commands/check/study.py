@@ -188,7 +188,7 @@ def check(
     if deep:
         from validation.commands.check import deep as third
 
-        rows += third.rows_against_third_parties(scene, a)
+        rows += third.shared_part_check_rows(scene, a)
     verified = verification.verification_rows(own_a, own_b)
     return Check(scene, a, b, tol, _common_valid_position_range(scene, a, b), rows, static, verified)
 

@@ -265,7 +265,7 @@ class _Search:
                 only_events = all(clause.needs_events_only for clause in self.clauses)
                 bars = any(clause.is_about_limits for clause in self.clauses)
                 self.answers_by_value[value] = [
-                    answer_by_model(scene, self.model, only_events, bars) for scene in self.scenes_at(value)
+                    answer_by_model(scene, self.model, only_events, bars=bars) for scene in self.scenes_at(value)
                 ]
             except (SceneError, Refused, ArithmeticError) as error:
                 self.answers_by_value[value] = [Answer(FAILED, str(error).splitlines()[0], {})]
@@ -426,7 +426,7 @@ def _deciding_margin(where_it_holds: Sequence[float], where_it_fails: Sequence[f
     return next(i for i, failed in enumerate(where_it_fails) if not failed >= 0.0), False
 
 
-def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: bool = False) -> Answer:
+def answer_by_model(scene: Any, model: str, only_events: bool = False, *, bars: bool) -> Answer:
     """The answer of the model of the search.
 
     only_events : without design numbers and bars.  bars : of the full model, too.

@@ -82,7 +82,7 @@ def relative_energy_defect(r: Response, with_static_depth: bool = True) -> float
     scene = Scene.from_toml(r.scene_toml)
     assert scene.mass is not None
     weight = scene.mass.mass * scene.gravity
-    defect = measures.energy_defect(r)
+    defect = measures.energy_defect_in_joules(r)
     if not with_static_depth:
         static_depth = r.y - r.v
         defect = defect + weight * static_depth
@@ -114,15 +114,15 @@ def rms_tension_error_over_H(r: Response, reference: Response) -> float:
     return measures.rms_tension_gap_over_H(r, reference, MID_TRAVEL, "T_pointwise")
 
 
-def tension_unevenness(r: Response, *, by_side: bool = False, min_distance: float = 0.05) -> Array:
+def tension_unevenness(r: Response, *, by_side: bool = False, min_distance_from_mass: float = 0.05) -> Array:
     """Rms of T about its mean along the cable (or each side), over that mean, by frame.
 
-    min_distance : from the mass, over l.
+    min_distance_from_mass : over l.
     """
     out = []
     s = r.fields.s / r.length
     for row, s_o in tension_profiles_mid_travel(r):
-        off_mass = np.abs(s - s_o) >= min_distance
+        off_mass = np.abs(s - s_o) >= min_distance_from_mass
         parts = [off_mass]
         if by_side:
             parts = [off_mass & (s < s_o), off_mass & (s > s_o)]
@@ -132,7 +132,7 @@ def tension_unevenness(r: Response, *, by_side: bool = False, min_distance: floa
     return np.sqrt(out)
 
 
-def tension_ripple_over_H(r: Response, *, min_distance: float = 0.2, max_distance: float = 1.0) -> float:
+def tension_ripple_over_H(r: Response, *, min_distance_from_mass: float = 0.2, max_distance: float = 1.0) -> float:
     """Rms of T less its running mean over a tenth of the cable on one side, over H; distances from the mass, over l."""
     s = r.fields.s / r.length
     half = round(0.05 * (s.size - 1))
@@ -144,7 +144,7 @@ def tension_ripple_over_H(r: Response, *, min_distance: float = 0.2, max_distanc
                 T = row[side]
                 ripple = (T - uniform_filter1d(T, 2 * half + 1))[inner]
                 distance = np.abs(s[side] - s_o)[inner]
-                parts.append(ripple[(distance >= min_distance) & (distance <= max_distance)])
+                parts.append(ripple[(distance >= min_distance_from_mass) & (distance <= max_distance)])
     rms = np.sqrt(np.mean(np.concatenate(parts) ** 2))
     return float(rms / r.horizontal_tension)
 

@@ -280,11 +280,11 @@ class RestAnswers(LineAnswers):
             "positions": line.position_count, "empty_length": length, "design": self.design, "limits": self.limits,
             "seconds": seconds,
         })  # fmt: skip
-        depths = self._depths_at_some_positions(profile["x"])
+        depths = self._sampled_depths_by_position_number(profile["x"])
         ropes = {"profile": {name: values.tolist() for name, values in profile.items()}, "depths": depths}
         write_json(folder / "ropes.json", store.nulls_for_nonfinite(ropes))
 
-    def _depths_at_some_positions(self, x: Array) -> dict[str, list[float]]:
+    def _sampled_depths_by_position_number(self, x: Array) -> dict[str, list[float]]:
         """Depths of the rope over x at seven positions or fewer, by number of the position."""
         at_rest = list(self.rest.states)
         some = np.unique(np.linspace(0, len(at_rest) - 1, 7).round().astype(int))

@@ -101,7 +101,7 @@ class LineAnswers:
 
 
 def answer_and_report_lines(
-    command: str, points: Sequence[GridPoint], out: Path | None, solve: Solve, require_limits: bool = False,
+    command: str, points: Sequence[GridPoint], out: Path | None, solve: Solve, require_limits: bool,
     at_rest: bool = False,
 ) -> int:  # fmt: skip
     """Answer a line or a grid, store, draw and print it; return the exit code.

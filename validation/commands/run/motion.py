@@ -426,7 +426,7 @@ class MotionAnswers(LineAnswers):
             parts.append(Outcome("incomplete", f"the run broke: {self.moved.reason}"))
         failures, doubts = self._failures_and_doubts()
         parts += failures
-        end = self._end_outcome()
+        end = self._end_outcome_unless_broken()
         if end is not None:
             parts.append(end)
         sentences = shoe_holds_down_sentences(self.line, self.motion)
@@ -461,7 +461,7 @@ class MotionAnswers(LineAnswers):
         body, _, obstacle = who_over_what.rpartition(" over ")
         return Outcome("collides", f"would collide: {body or 'the rope'} hits {obstacle} by {-clearance:.2f} m")
 
-    def _end_outcome(self) -> Outcome | None:
+    def _end_outcome_unless_broken(self) -> Outcome | None:
         """How the run ends; None for one that broke."""
         run = self.moved
         positions = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)

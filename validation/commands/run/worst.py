@@ -18,10 +18,10 @@ def with_added_positions(line: Line) -> Line:
     A car without `at` is over each span, and at every position where a number is extreme.
     """
     car = next((car for car in line.car if car.at is None), None)
-    return _with_cars_over_tops(line) if car is None else _with_extreme_positions(line, car)
+    return _with_positions_over_tops(line) if car is None else _with_extreme_positions(line, car)
 
 
-def _with_cars_over_tops(line: Line) -> Line:
+def _with_positions_over_tops(line: Line) -> Line:
     """The line with a position for each top that a car passes between two, the other cars in proportion."""
     tops = _tops_below(line)
     given = np.array([[line.position_of(car, i) for car in line.car] for i in range(line.position_count)])  # (n, cars)

@@ -228,7 +228,7 @@ SETS = {
 }
 
 
-def realistic_scene(seed: int, index: int, families: tuple[Family, ...] = FAMILIES) -> Scene:
+def realistic_scene(seed: int, index: int, families: tuple[Family, ...]) -> Scene:
     """A random scene of the families in turn."""
     rng = np.random.default_rng([seed, index])
     return families[index % len(families)](lambda low, high: float(rng.uniform(low, high)))

@@ -176,7 +176,7 @@ def rope_csv_and_side_view_faults(html_text: str, folder: Path, motion: Any) -> 
         yield "rope.csv ends before the run does"
     for data in contents_of_tags('script type="application/json"', html_text):
         cable = json.loads(data)["cables"][0]
-        for fault in _drawn_line_faults(cable, grid, folder, motion):
+        for fault in _drawn_rope_and_car_faults(cable, grid, folder, motion):
             yield f"side view: {fault}"
 
 
@@ -197,7 +197,7 @@ def _rope_grid(motion: Any, t: Array, s: Array) -> RopeGrid:
     return RopeGrid(steps, series)
 
 
-def _drawn_line_faults(cable: dict[str, Any], grid: RopeGrid, folder: Path, motion: Any) -> Faults:
+def _drawn_rope_and_car_faults(cable: dict[str, Any], grid: RopeGrid, folder: Path, motion: Any) -> Faults:
     """Faults of the packed rope and cars of a line in motion."""
     on_rope = np.isfinite(grid.series["T"]).ravel()
     for name, column in (("u", "x"), ("v", "y"), ("T", "T")):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from validation.core.scene_data import SceneData
+from validation.core.scene_data import OneSpanData
 from validation.core.stored_files import Entries, json_of_text, read_json
 
 Faults = Iterator[str]
@@ -49,10 +49,10 @@ class StoredResults:
         return [_read_run(self.folder / name / "response.npz") for name in self.methods]
 
     @cached_property
-    def scene_data(self) -> SceneData:
+    def scene_data(self) -> OneSpanData:
         """Numbers of the scene, SI."""
         rest = self.runs[0]["rest"]
-        return SceneData(rest["scene_toml"], rest["length"])
+        return OneSpanData(rest["scene_toml"], rest["length"])
 
 
 def _read_run(file: Path) -> Run:

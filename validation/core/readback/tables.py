@@ -204,7 +204,7 @@ def _shows_top_speed_over_waves(text: str, run: Run) -> bool:
     cable = run["scene"]["cable"]
     rho = cable["mass_per_length"] + ice_mass_per_length(cable)
     if run["scene"].get("drive", {}).get("mode") == "free":  # on the loaded rope
-        on_rope = run["t"] <= _time_of_lift_off_or_slack(run)
+        on_rope = run["t"] <= _end_of_valid_time(run)
         speeds = np.hypot(*run["velocity"][on_rope].T)
     else:
         speeds = np.abs(np.diff(run["s_o"]) / np.diff(run["t"]))  # steps are short chords of the travel
@@ -213,7 +213,7 @@ def _shows_top_speed_over_waves(text: str, run: Run) -> bool:
     return bool(abs(shown - ratio) < 0.06)
 
 
-def _time_of_lift_off_or_slack(run: Run) -> float:
+def _end_of_valid_time(run: Run) -> float:
     """Time [s] up to which the car is on the rope, and that is taut."""
     lift_offs = [event["t"] for event in run["rest"]["events"] if event["event"] == "lift_off"]
     return min([time_of_slack_or_slow_waves(run), *lift_offs])
