@@ -22,6 +22,7 @@ from validation.core.design import (
 )
 from validation.core.measures import energy_defect_in_joules, time_span_for_extremes
 from validation.core.quasi_static import quasi_static
+from validation.core.refine import run_with_error_bars
 from validation.core.running import run
 
 RIDER = Scene(
@@ -94,6 +95,19 @@ def test_a_peak_has_a_bar_only_where_axial_waves_are_not_damped():
     """A rule that damps them says nothing of the peak by itself."""
     damped = run_ladder(SCENES["level"], **COARSE, until=0.8, scheme="generalized-alpha", rho_inf=0.5)
     assert {n.bar_peak for n in design_rows(damped)} == {None}
+
+
+def test_clearances_at_a_far_support_have_bars_and_the_support_itself_an_exact_one():
+    """Coarser runs ended before the mast, and the rope's lowest height was compared with that at the car."""
+    mast = {"name": "mast", "at": 197.0, "top": 12.0}
+    scene = CAMERA.replace({"obstacle": [mast], "ground": [[0.0, 30.0], [100.0, 40.0], [200.0, 9.0]]})
+    found = rows_by_quantity(run_with_error_bars(scene, "following-p2", **COARSE))
+    finer = rows_by_quantity(run(scene, "following-p2", elements=16, steps=1500))
+    for body in ("rope", "car"):
+        row = found[f"clearance_{body}_min:mast"]
+        assert abs(row.value - finer[row.quantity].value) <= row.bar < 0.01
+    support = found["clearance_rope_min:the ground"]
+    assert (support.value, support.bar) == (pytest.approx(9.0, abs=1e-9), pytest.approx(0.0, abs=1e-9))
 
 
 def test_a_car_that_only_goes_up_has_no_deepest_point():

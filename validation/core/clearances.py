@@ -54,13 +54,14 @@ def obstacle_and_ground_profiles(scene: Scene | Line) -> dict[str, Array]:
     return profiles
 
 
-Clearances = dict[tuple[str, str], Track]  # by "rope" or "car", and by name of what is cleared
+Clearances = dict[tuple[str, str], list[Track]]  # by "rope" or "car", and by name of what is cleared
 
 
 def clearance_tracks(scene: Scene, r: Response) -> Clearances:
     """Free heights [m] of "rope" and "car" above each obstacle and the ground; negative: it hits; nan: unknown.
 
-    Empty where the car never passes.  An obstacle is a ground of one point.
+    Of the rope at the car, empty where that never passes, and at its lowest in each frame.
+    An obstacle is a ground of one point.
     """
     below = 0.0 if scene.mass is None else scene.mass.below
     f = r.fields
@@ -71,15 +72,10 @@ def clearance_tracks(scene: Scene, r: Response) -> Clearances:
     for name, ground in obstacle_and_ground_profiles(scene).items():
         at_car = heights_along_path(r.t, r.x, r.y, r.s_o, ground)
         heights, x = min_rope_heights(rope, ground, ends)
-        of_rope = np.stack([f.t, np.where(np.isinf(heights), np.nan, heights), np.interp(x, f.x, f.s)])
-        tracks["rope", name] = _track_in_time_order(np.concatenate([at_car, of_rope], axis=1))
-        tracks["car", name] = at_car._replace(value=at_car.value - below)
+        of_rope = Track(f.t, np.where(np.isinf(heights), np.nan, heights), np.interp(x, f.x, f.s))
+        tracks["rope", name] = [at_car, of_rope]
+        tracks["car", name] = [at_car._replace(value=at_car.value - below)]
     return tracks
-
-
-def _track_in_time_order(rows: Array) -> Track:
-    """The track of rows (3, n) of times, heights and positions s, in order of time."""
-    return Track(*rows[:, np.argsort(rows[0], kind="stable")])
 
 
 def heights_along_path(t: Array, x: Array, y: Array, s: Array, ground: Array) -> Track:
@@ -96,7 +92,8 @@ def heights_along_path(t: Array, x: Array, y: Array, s: Array, ground: Array) ->
         w = (corner - x[i]) / (x[i + 1] - x[i])
         parts.append(path[:, i] + w * (path[:, i + 1] - path[:, i]))
     times, at, y_at, s_at = np.concatenate(parts, axis=1)
-    return _track_in_time_order(np.stack([times, np.interp(at, corners, depth) - y_at, s_at]))
+    order = np.argsort(times, kind="stable")
+    return Track(*(values[order] for values in (times, np.interp(at, corners, depth) - y_at, s_at)))
 
 
 def min_rope_heights(rope: Array, ground: Array, ends: tuple[float, float]) -> tuple[Array, Array]:

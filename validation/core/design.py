@@ -163,15 +163,15 @@ def design_quantities(scene: Scene) -> list[DesignQuantity]:
     """Quantities of a scene, with clearances, which are computed once for each run of a ladder."""
     computed: dict[int, Clearances] = {}
 
-    def clearance_track(key: tuple[str, str], r: Response) -> list[Track]:
+    def clearances(key: tuple[str, str], r: Response) -> list[Track]:
         if id(r) not in computed:
             computed[id(r)] = clearance_tracks(scene, r)
-        return [computed[id(r)][key]]
+        return computed[id(r)][key]
 
     tracks = dict(TRACKS)
     for name in obstacle_and_ground_profiles(scene):
         for body in ("rope", "car"):
-            tracks[f"clearance_{body}_min:{name}"] = partial(clearance_track, (body, name))
+            tracks[f"clearance_{body}_min:{name}"] = partial(clearances, (body, name))
     if "sag_growth" in demands_of_limits(scene):
         tracks["sag_car_max"] = _car_sag_tracks
     if scene.mass is not None and scene.mass.wheels is not None:

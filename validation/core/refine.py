@@ -121,7 +121,9 @@ class RunsOfMethod:
         """The ladder with its finest run marched to the end, and bars."""
         finest = self.run_or_reuse(ladder.finest.settings, self.end)
         until = self.window_end
-        if self.view.last_needed_position is not None and finest.slack_onset_position_or_inf < SLACK_END:
+        if self.scene.obstacle or self.scene.ground:
+            until = self.end  # clearances are told up to there
+        elif self.view.last_needed_position is not None and finest.slack_onset_position_or_inf < SLACK_END:
             until = SLACK_END if self.end is None else min(self.end, SLACK_END)
 
         def continued(run: Response) -> Response:
