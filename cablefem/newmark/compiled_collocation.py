@@ -130,7 +130,9 @@ def set_corrections(march: March) -> None:
 
 @inner
 def add_correction_along(mode: Mode, march: March) -> None:
-    """Add the corrections along an eigenvector."""
+    """Add the corrections along an eigenvector, if there is one."""
+    if mode.weights.size == 0:
+        return
     nodes, size = march.r.shape
     along = np.empty(size, mode.weights.dtype)
     for j in range(size):

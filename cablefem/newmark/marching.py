@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,15 +19,28 @@ STEPS_AT_ONCE = 16  # those beyond an event are lost
 class Mode(NamedTuple):
     """An eigenvector of the rule with the factors of its tangent, real or complex."""
 
-    weights: Array  # (s,) see `Tableau.to_modes`
-    shares: Array  # (s,) see `Tableau.from_modes`
+    weights: Array  # (s,) or none, see `Tableau.to_modes`
+    shares: Array  # (s,) or none, see `Tableau.from_modes`
     factors: Any
 
 
-def _mode(rule: Tableau, i: int, factors: Any) -> Mode:
-    """Mode i of a rule."""
-    part: Any = np.array if rule.eigenvalues[i].imag else np.real
-    return Mode(part(rule.to_modes[i]).copy(), part(rule.from_modes[:, i]).copy(), factors)
+def _modes(rule: Tableau, solves: Sequence[Any]) -> Iterator[Mode]:
+    """The modes of a rule: complex ones and a real one, which is empty if the rule has none.
+
+    So what is compiled for three nodes serves two.
+    """
+    for value, weights, shares, factors in zip(rule.eigenvalues, rule.to_modes, rule.from_modes.T, solves, strict=True):
+        part: Any = np.array if value.imag else np.real
+        yield Mode(part(weights).copy(), part(shares).copy(), factors)
+    if rule.eigenvalues.imag.all():
+        yield Mode(np.empty(0), np.empty(0), _real_parts(solves[0]))
+
+
+def _real_parts(factors: Any) -> Any:
+    """The real parts of all arrays in a tuple."""
+    if isinstance(factors, tuple):
+        return type(factors)(*map(_real_parts, factors))
+    return factors.real.copy() if isinstance(factors, np.ndarray) else factors
 
 
 class StepsWithFactors(NamedTuple):
@@ -93,7 +106,7 @@ class MarchingSystem(System):
             return []
         results = np.zeros((count, 5))
         nodes = rule.node_times(steps.t[: count + 1])
-        modes = tuple(_mode(rule, i, solve) for i, solve in enumerate(factors.solves))
+        modes = tuple(_modes(rule, factors.solves))
         taken = self.take_steps_with_factors(phase, nodes, StepsWithFactors(steps, results, modes, rule, newton))
         if taken == count and results[-1, 4]:
             self.factors = factors
