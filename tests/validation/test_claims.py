@@ -211,6 +211,14 @@ def test_every_scene_of_the_plan_is_known_and_every_method_accepts_its_settings(
         find_method(method).complete_settings(settings)
 
 
+@pytest.mark.parametrize(("value", "bar"), [(0.0127, 0.056), (1.55e-4, 6.2e-4), (0.7965, 1e-5), (2.0e6, 3.0e5)])
+def test_a_value_is_shown_with_its_bar_however_large_that_is(value, bar):
+    text = report._value_text(value, {"low": None, "high": 0.67}, bar)
+    shown, shown_bar = map(float, text.split("\u202f±\u202f"))
+    assert shown == pytest.approx(value, abs=bar)
+    assert shown_bar == pytest.approx(bar, rel=0.05)
+
+
 @pytest.mark.slow
 def test_the_paper_redone(tmp_path):
     """About 80 s. The verdicts that rest on wide margins; then the page."""

@@ -52,7 +52,7 @@ def _value_text(value: float | None, quantity: Table, bar: float | None = None) 
     """A value to the digits of its bar; without one to those that differ from the ends of the range."""
     if value is None:
         return "–"
-    if bar and 1e-6 * abs(value) < bar < abs(value) < 1e6:
+    if bar and bar > 1e-6 * abs(value):
         return text_with_bar(value, bar).replace(" ± ", "\u202f±\u202f").replace("-", "−")
     ends = quantity["low"], quantity["high"]
     distances = [abs(value / end - 1.0) for end in ends if end and end != value]
