@@ -176,3 +176,17 @@ def test_the_page_begins_with_the_latest_command(cablefem):
         page = Path("x/report.html").read_text()
         assert re.search(r'<section id="([^"]*)"', page)[1] == first
     assert 'id="modes-frequencies"' in page
+
+
+@pytest.mark.parametrize("damage", [lambda text: text[:500], lambda text: text.replace('"agree"', '"perhaps"')])
+def test_a_result_whose_pages_are_damaged_is_named_beside_the_others(cablefem, monkeypatch, damage):
+    monkeypatch.setattr("validation.commands.report.command.PARTS", ())
+    for name in ("bare", "level"):
+        assert cablefem("modes", name, "--out", f"r/{name}")[0] == 0
+    pages = store.stored_sections_path(Path("r/level"), "modes")
+    pages.write_text(damage(pages.read_text()))
+    code, out, _ = cablefem("report", "--out", "r")
+    assert code == 0
+    assert "bare: Frequencies of the bare cable" in out
+    assert "level: " in out
+    assert Path("r/report.html").read_text().count("<section") == 2

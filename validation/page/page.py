@@ -51,10 +51,8 @@ def write_page(title: str, sections: Sequence[Section], out_file: Path) -> None:
 
     Of several commands only the first one's sections are unfolded there.
     """
-    order = list(VERDICTS)
-    judged = [s for s in sections if s.verdict]
-    judged.sort(key=lambda s: order.index(s.verdict or ""))
-    others = [s for s in sections if not s.verdict]
+    judged = [s for verdict in VERDICTS for s in sections if s.verdict == verdict]
+    others = [s for s in sections if s not in judged]
     scripts = dict.fromkeys(name for s in sections for name in s.scripts)
 
     content: Content = {"title": title, "sections": sections, "judged": judged}

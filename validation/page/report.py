@@ -71,8 +71,8 @@ def read_stored_sections(folder: Path, command: str) -> list[Section]:
         pages = store.read_json(store.stored_sections_path(folder, command))
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
     except (OSError, ValueError, TypeError, KeyError):
-        text = callout(f"Its pages are gone or of another version; run cablefem {command} again.", "not comparable")
-        return [Section(command, command, text)]
+        reason = f"Its pages are gone or of another version; run cablefem {command} again."
+        return [Section(command, command, callout(reason, "not comparable"), "not comparable", reason)]
 
 
 def _with_unique_ids_and_titles(pages: Iterable[tuple[str, Section]]) -> list[Section]:
