@@ -22,17 +22,6 @@ Array = NDArray[np.float64]
 _ABSENT: Any = None  # nan, or of a pointwise tension the other one
 
 
-@dataclass(frozen=True, slots=True)
-class States:
-    """History of a run: t (n,), q, v, a (n, n_dof), phase (n,); dimensionless."""
-
-    t: Array
-    q: Array
-    v: Array
-    a: Array
-    phase: NDArray[np.intp]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
     """Dimensionless measurements, named as in `Response` and `Fields`; n times, k frames, m stations.

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.newmark import Solve, State, System, TangentFactors
-from cablefem.response import Observation, States
+from cablefem.newmark import Solve, State, States, System, TangentFactors
+from cablefem.response import Observation
 from galerkin.bases.kink import Array
 from galerkin.equations import GalerkinSystem
 

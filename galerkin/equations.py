@@ -11,10 +11,10 @@ import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
 
 from cablefem import newmark
-from cablefem.newmark import Newton, Solve, State, StepFailure, System, TangentFactors
+from cablefem.newmark import Newton, Solve, State, States, StepFailure, System, TangentFactors
 from cablefem.newmark.equilibrium import solve_equilibrium
 from cablefem.newmark.newton import solve_newton_dense
-from cablefem.response import Observation, States
+from cablefem.response import Observation
 from cablefem.scene import Groups
 from cablefem.scene.motion import rest_motion
 from galerkin import kernels

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cablefem.response import Observation, States
+from cablefem.newmark import States
+from cablefem.response import Observation
 from galerkin.bases.kink import Array
 from galerkin.equilibrium import (
     forces_from_equilibrium,

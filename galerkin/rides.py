@@ -14,9 +14,18 @@ from typing import Self
 
 import numpy as np
 
-from cablefem.newmark import ACCELERATION_ONLY, NO_STEPS, Newton, Solve, State, TangentFactors, quasi_static_start
+from cablefem.newmark import (
+    ACCELERATION_ONLY,
+    NO_STEPS,
+    Newton,
+    Solve,
+    State,
+    States,
+    TangentFactors,
+    quasi_static_start,
+)
 from cablefem.newmark.equilibrium import solve_equilibrium_on_haul_rope
-from cablefem.response import Observation, States
+from cablefem.response import Observation
 from cablefem.scene import Groups
 from cablefem.scene.motion import rest_motion
 from cablefem.stickslip import CarForces, RollingCar

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem import Scene
-from cablefem.newmark import integrate, scheme, step_times_by_phase
-from cablefem.response import States
+from cablefem.newmark import integrate, scheme, stack_states, step_times_by_phase
 from cablefem.scene import ConstantSpeed, Groups
 
 LEVEL = Scene.load("level").groups
@@ -37,11 +36,6 @@ def march_with_positions(system, steps, method="trapezoidal", *, until=1.0, **kw
             break
     s_o = np.array([system.motion.position_with_rates(x.t, x.phase)[0] for x in states])
     return stack_states(states), s_o
-
-
-def stack_states(states):
-    """Return a list of states as one history."""
-    return States(*(np.array([getattr(x, name) for x in states]) for name in ("t", "q", "v", "a", "phase")))
 
 
 def basis_values_and_derivatives(ref, x):

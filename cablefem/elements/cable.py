@@ -27,8 +27,8 @@ from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_newmark_steps
 from cablefem.elements.observing import HistoryWithForces, MotionAtMass, StationFields, StationPoints
 from cablefem.elements.reference import QuadraturePoints
-from cablefem.newmark import Array, Newton, Solve, State, StepResult, System, Tableau, TangentFactors
-from cablefem.response import Observation, States
+from cablefem.newmark import Array, Newton, Solve, State, States, StepResult, System, Tableau, TangentFactors
+from cablefem.response import Observation
 from cablefem.scene import Groups
 
 MODELS = ("full", "string", "sagged", "stretching")

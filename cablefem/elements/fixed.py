@@ -33,13 +33,13 @@ from cablefem.newmark import (
     Array,
     Solve,
     State,
+    States,
     StepResult,
     TangentFactors,
     collocate_first_step,
     consistent_acceleration,
     newmark_step,
 )
-from cablefem.response import States
 from cablefem.scene import Groups
 
 _KINDS = {"hermite": skfem.ElementLineHermite, "p1": skfem.ElementLineP1}

@@ -12,10 +12,9 @@ from cablefem.elements.forms import section_state, section_stiffness
 from cablefem.elements.kernels.balance import MassCoupling, Mesh
 from cablefem.elements.observing import MotionAtMass
 from cablefem.elements.reference import reference_mesh
-from cablefem.newmark import Array, ManySteps, State, StepFailure, consistent_acceleration, quasi_static_start
+from cablefem.newmark import Array, ManySteps, State, States, StepFailure, consistent_acceleration, quasi_static_start
 from cablefem.newmark.equilibrium import solve_equilibrium
 from cablefem.newmark.newton import solve_newton_dense
-from cablefem.response import States
 from cablefem.scene import Groups
 from cablefem.scene.motion import rest_motion
 

@@ -222,12 +222,12 @@ class LineBalance(LineCoordinates):
         """The solutions for all unknowns; cars that stick have 0 in both sides."""
         x = self.coordinates_from_unknowns(t, q, v, a, phase)
         rope_and_cars = RopeAndCars(self.law, self.car_loads_and_masses(t, phase))
-        derivatives = self._derivatives(x, rope_and_cars, self.moving)
+        derivatives = self._derivatives(x, rope_and_cars, self.moving_coordinates)
         solves: list[Any] = [CoordinateSolve(derivatives.factorise(c), self.size, self._unknown) for c in cs]
         return solves
 
     @property
-    def moving(self) -> Mask:
+    def moving_coordinates(self) -> Mask:
         """Which coordinates are unknown, and not of a car that sticks."""
         moving = self.free.copy()
         moving[self._unknown[self.sticking_unknowns]] = False

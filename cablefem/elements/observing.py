@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.elements.forms import Section, length_from_components, section_state, strain, tension_stiffness_energy
-from cablefem.newmark import Array
-from cablefem.response import Observation, States
+from cablefem.newmark import Array, States
+from cablefem.response import Observation
 
 if TYPE_CHECKING:
     from cablefem.elements.cable import CableElements

@@ -19,9 +19,9 @@ from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.balance import Factors, Instant
 from cablefem.elements.kernels.newton import NO_TANGENT
-from cablefem.newmark import Array, Newton, Solve, State, StepResult, Tableau, TangentFactors
+from cablefem.newmark import Array, Newton, Solve, State, States, StepResult, Tableau, TangentFactors
 from cablefem.newmark.equilibrium import solve_equilibrium, solve_equilibrium_on_haul_rope
-from cablefem.response import Observation, States
+from cablefem.response import Observation
 from cablefem.scene import Groups
 from cablefem.scene.drive import GRIP
 from cablefem.scene.motion import rest_motion

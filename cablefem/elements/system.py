@@ -146,7 +146,9 @@ class LineElements(LineInMotion, LineBalance):
     def take_steps_with_factors(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
         cars = self.car_loads_and_masses(node_times, phase)
         prescribed = self.prescribed_coordinates(node_times, phase)
-        return self._kernel.take_steps_with_factors(self.law, cars, self._unknown, self.moving, prescribed, march)
+        return self._kernel.take_steps_with_factors(
+            self.law, cars, self._unknown, self.moving_coordinates, prescribed, march
+        )
 
     # --- events --------------------------------------------------------------------------------------------
     def contact_positions_and_forces(self, t: Any, coordinates: Coordinates, phase: int) -> tuple[Array, list[Array]]:

@@ -7,7 +7,17 @@ from cablefem.newmark.march import integrate, integrate_blocks
 from cablefem.newmark.marching import MarchingSystem, StepsWithFactors
 from cablefem.newmark.newton import Newton, StepResult
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
-from cablefem.newmark.states import Array, Collocated, Inside, State, StateBlock, StateHistory, Steps, stack_states
+from cablefem.newmark.states import (
+    Array,
+    Collocated,
+    Inside,
+    State,
+    StateBlock,
+    StateHistory,
+    States,
+    Steps,
+    stack_states,
+)
 from cablefem.newmark.stepper import PassedEvent, Work
 from cablefem.newmark.steps import step_times_by_phase
 from cablefem.newmark.system import (

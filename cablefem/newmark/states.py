@@ -114,8 +114,8 @@ def _state_arrays(states: Sequence[State]) -> tuple[Array, Array, NDArray[np.int
     return t, rows, np.array([x.phase for x in states])
 
 
-class StateArrays(NamedTuple):
-    """n states."""
+class States(NamedTuple):
+    """n states as arrays, dimensionless but for a line in motion."""
 
     t: Array  # (n,)
     q: Array  # (n, n_dof)
@@ -124,8 +124,8 @@ class StateArrays(NamedTuple):
     phase: NDArray[np.intp]  # (n,)
 
 
-def stack_states(states: Sequence[State]) -> StateArrays:
-    """The arrays of a history."""
+def stack_states(states: Sequence[State]) -> States:
+    """The states as arrays, a row for each."""
     blocks = states.blocks if isinstance(states, StateHistory) else [states]
     t, rows, phase = (np.concatenate(column) for column in zip(*map(_state_arrays, blocks), strict=True))
-    return StateArrays(t, rows[:, 0], rows[:, 1], rows[:, 2], phase)
+    return States(t, rows[:, 0], rows[:, 1], rows[:, 2], phase)

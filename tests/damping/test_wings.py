@@ -9,13 +9,13 @@ from scipy.integrate import cumulative_trapezoid
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.observing import kinetic_energy
 from cablefem.elements.rolling import RollingElements
-from cablefem.newmark import Newton, integrate, scheme
+from cablefem.newmark import Newton, integrate, scheme, stack_states
 from galerkin import Fourier, GalerkinSystem
 from tests.elements.test_recovered import momentum_defect
 from tests.elements.test_rolling import SECOND, G, random_rolling_state, zip_line_scene
 from tests.galerkin.test_equations import STEEP, random_state
 from tests.galerkin.test_equations import kinetic_energy as galerkin_energy
-from tests.runs import DAMPED, march_with_positions, observe, stack_states
+from tests.runs import DAMPED, march_with_positions, observe
 
 RATE = DAMPED.damping
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
+from cablefem.newmark import stack_states
 from cablefem.scene import ConstantSpeed
 from cablefem.scene.statics import gripped_rest
-from tests.runs import observe, stack_states
+from tests.runs import observe
 from validation.core.methods import find_method
 from validation.core.running import Run
 

@@ -10,8 +10,8 @@ from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels.banded import factorise_in_place, solve_factored_in_place
 from cablefem.elements.observing import observe_cable
 from cablefem.elements.reference import reference_mesh, shape_polynomial_coefficients
-from cablefem.newmark import State
-from tests.runs import LEVEL, basis_values_and_derivatives, crossed_cable, stack_states
+from cablefem.newmark import State, stack_states
+from tests.runs import LEVEL, basis_values_and_derivatives, crossed_cable
 
 DEGREES = range(1, 9)
 SOFT = crossed_cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.3)

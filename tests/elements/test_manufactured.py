@@ -9,8 +9,8 @@ import pytest
 from scipy.linalg import solve
 
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import NO_STEPS, State, integrate, newmark_step, scheme
-from tests.runs import basis_values_and_derivatives, crossed_cable, observed_orders, stack_states
+from cablefem.newmark import NO_STEPS, State, integrate, newmark_step, scheme, stack_states
+from tests.runs import basis_values_and_derivatives, crossed_cable, observed_orders
 
 G = crossed_cable(mu=0.7, sigma=0.31, c=0.52, alpha=57.0, speed=0.37)
 U, V = 0.0033, 0.0053  # no part of the cable is compressed: it would not be stable

@@ -7,9 +7,8 @@ import pytest
 
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import State
-from cablefem.response import States
-from tests.runs import INCLINED, MODELS, STEEP, march_with_positions, observe, stack_states
+from cablefem.newmark import State, States, stack_states
+from tests.runs import INCLINED, MODELS, STEEP, march_with_positions, observe
 
 STATIONS = np.linspace(0.0, 1.0, 2001)
 

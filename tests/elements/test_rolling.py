@@ -18,10 +18,11 @@ from cablefem.newmark import (
     integrate,
     newmark_step,
     scheme,
+    stack_states,
     step_times_by_phase,
 )
 from cablefem.scene.statics import gripped_rest
-from tests.runs import LEVEL, stack_states
+from tests.runs import LEVEL
 from validation import run
 from validation.oracles import ellipse
 

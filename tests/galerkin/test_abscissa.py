@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from cablefem.newmark import Newton, integrate, scheme, step_times_by_phase
+from cablefem.newmark import Newton, integrate, scheme, stack_states, step_times_by_phase
 from cablefem.scene.motion import Motion, Piece
 from galerkin.abscissa import SystemOverPosition
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
 from tests.galerkin.test_equations import PLACE, STEEP
-from tests.runs import CRUISE, INCLINED, LEVEL, march_with_positions, stack_states, tangent_defect
+from tests.runs import CRUISE, INCLINED, LEVEL, march_with_positions, tangent_defect
 
 
 def states_up_to_position(system, steps, until=0.8):

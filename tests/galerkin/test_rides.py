@@ -8,14 +8,14 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from cablefem import Scene
-from cablefem.newmark import Newton, NewtonStalled, Work, integrate, scheme, step_times_by_phase
+from cablefem.newmark import Newton, NewtonStalled, Work, integrate, scheme, stack_states, step_times_by_phase
 from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.scene import ConstantSpeed
 from cablefem.scene.drive import Drive
 from cablefem.scene.statics import gripped_rest
 from galerkin import Daubechies, Fourier, GalerkinSystem, RollingSystem, SystemOverPosition
 from tests.galerkin.test_equations import DAMPED, STEEP, random_state
-from tests.runs import LEVEL, observe, stack_states
+from tests.runs import LEVEL, observe
 from tests.scene.test_ride import ROPE, ZIP
 from validation import run
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from cablefem.newmark import integrate, scheme, step_times_by_phase
+from cablefem.newmark import integrate, scheme, stack_states, step_times_by_phase
 from cablefem.response import Observation, Response
 from tests.validation import sines
 from validation import check, run
@@ -15,7 +15,6 @@ from validation.commands.chart import study as chart
 from validation.commands.oracles import study as oracles
 from validation.core.methods import METHODS, find_method, scaled_settings
 from validation.core.refine import TooCoarse, refine_to_tolerance
-from validation.core.sampling import stack_states
 from validation.oracles import moving_mass
 
 MINE = "my-sines"

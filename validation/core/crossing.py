@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem import newmark
+from cablefem.newmark import stack_states
 from cablefem.response import Array
 from cablefem.scene import Groups
 from validation.core.methods import find_method
-from validation.core.sampling import stack_states
 
 
 class DimensionlessPath(NamedTuple):

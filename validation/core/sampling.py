@@ -13,17 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from cablefem import newmark
 from cablefem.newmark import (
     Collocated,
     PassedEvent,
     State,
     StateHistory,
+    States,
     Work,
     interpolate_hermite,
+    stack_states,
     with_states_inside_steps,
 )
-from cablefem.response import Array, Fields, LazyValue, Observation, Response, States
+from cablefem.response import Array, Fields, LazyValue, Observation, Response
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Solver
 
@@ -246,13 +247,8 @@ def _times_of_turning_back(t: Array, s_o: Array) -> Iterator[float]:
             farthest = i
 
 
-def stack_states(states: Sequence[State]) -> States:
-    """The states as arrays, a row for each."""
-    return States(*newmark.stack_states(states))
-
-
 def _select_states(states: States, rows: slice | NDArray[Any]) -> States:
-    return States(states.t[rows], states.q[rows], states.v[rows], states.a[rows], states.phase[rows])
+    return States._make(x[rows] for x in states)
 
 
 def times_of_frames(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
@@ -335,5 +331,4 @@ def _states_on_side(states: States, switch: float, before: bool) -> States:
 
 
 def _concatenate_states(a: States, b: States) -> States:
-    names = States.__dataclass_fields__
-    return States(**{name: np.concatenate([getattr(a, name), getattr(b, name)]) for name in names})
+    return States._make(map(np.concatenate, zip(a, b, strict=True)))

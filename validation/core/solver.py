@@ -5,8 +5,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.newmark import State, System
-from cablefem.response import Array, Observation, States
+from cablefem.newmark import State, States, System
+from cablefem.response import Array, Observation
 
 
 class Solver(System, Protocol):

@@ -175,7 +175,7 @@ def assemble_with_car(
     if is_tangent_required(factors):
         tangent.border[:] = 0.0
     add_strain_force_to_car_row(cable, s_o, r, tangent.border, factors[0])
-    add_inertia_force_to_car_row(cable, m, forces, x, r, tangent.border, factors)
+    add_cable_inertia_to_car_row(cable, m, forces, x, r, tangent.border, factors)
     r[n] += forces.slope[0] * cx + forces.slope[1] * cy - forces.drive
     row = r[n]
     if car.mode == HELD:
@@ -240,7 +240,7 @@ def add_strain_force_to_car_row(cable: Cable, s_o: float, r: Array, border: Arra
 
 
 @inner
-def add_inertia_force_to_car_row(
+def add_cable_inertia_to_car_row(
     cable: Cable, node: int, forces: ForcesOnCar, x: Array, r: Array, border: Array, factors: Factors
 ) -> None:
     """Add what inertia and damping of the cable give to the row of s_o; add their tangent to the border.

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from cablefem import newmark
+from cablefem.newmark import stack_states
 from cablefem.newmark.equilibrium import solve_equilibrium
 from cablefem.response import Array, Response, write_json
 from cablefem.scene import Drive, Groups, Scene
@@ -27,7 +28,6 @@ from validation.core import store
 from validation.core.crossing import compute_dimensionless_path
 from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, find_method
 from validation.core.running import run
-from validation.core.sampling import stack_states
 from validation.core.sidebyside import Progress, no_progress
 from validation.oracles.case import Case, Crossing, Rung, Solvers
 from validation.oracles.case import Path as MassPath

@@ -7,7 +7,7 @@ A sum of N smooth functions has ripples of wavelength 1/N at the kink.  Their si
 import numpy as np
 
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import State, integrate, scheme, step_times_by_phase
+from cablefem.newmark import State, integrate, scheme, stack_states, step_times_by_phase
 from cablefem.response import Array
 from cablefem.scene import Groups
 from galerkin.bases import Basis
@@ -15,7 +15,6 @@ from galerkin.bases.daubechies import Daubechies
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from validation.commands.paper.runs import SETTINGS
-from validation.core.sampling import stack_states
 
 OVERSHOOT = SETTINGS["overshoot"]
 POSITIONS = np.linspace(*(OVERSHOOT["places"][end] for end in ("first", "last", "count")))

@@ -6,14 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from cablefem import newmark
-from cablefem.newmark import Newton, Scheme, State, consistent_acceleration
+from cablefem.newmark import Newton, Scheme, State, consistent_acceleration, stack_states
 from cablefem.response import Array
 from cablefem.scene import Groups
 from cablefem.scene.motion import rest_motion
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from validation.commands.paper.runs import SETTINGS
-from validation.core.sampling import stack_states
 
 
 def relative_free_vibration_energy(
