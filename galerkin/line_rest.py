@@ -9,7 +9,7 @@ import numpy as np
 
 from cablefem.newmark import StepFailure
 from cablefem.scene.contacts import Array, Contact, MovingLine
-from cablefem.scene.line import Case, NoLineAtRest, Station
+from cablefem.scene.line import NoLineAtRest
 from cablefem.scene.taut import first_guess
 from galerkin.bodies import Friction
 from galerkin.trolley import rotate
@@ -71,12 +71,9 @@ def chord_lengths(line: MovingLine) -> Array:
 def _guess_tension(system: LineSines, guess: Array) -> float:
     """Mean tension [N] of a taut string with the cars at the points of a guess; StepFailure if none carries them."""
     line = system.line
-    stations = [Station(c.name, c.kind, *c.point, force=c.force or 0.0, stiffness=c.stiffness) for c in line.supports]
-    for k, body in system.cars.items():
-        x = float(guess[0, system.layout.x[system.travel_contact[k]]])
-        stations.append(body.car.station_at(x, line.gravity))
-    stations.sort(key=lambda station: station.x)
-    string = first_guess(Case(tuple(stations), line.weight_per_length, line.rope.EA, length=line.rope.length))
+    x = guess[0, system.layout.x].tolist()
+    cars_at_x = ((body.car, x[system.travel_contact[k]]) for k, body in system.cars.items())
+    string = first_guess(line.rest_case(cars_at_x))
     if isinstance(string, NoLineAtRest):
         raise StepFailure(0.0, str(string), "give more rope or less load")
     return float(string.H.mean())

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, NamedTuple, Protocol
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.drive import GRIP, Drive, DriveMode
-from cablefem.scene.line import Solver, Station
+from cablefem.scene.line import Case, Solver, Station
 from cablefem.scene.rail import Rail
 
 Array = NDArray[np.float64]
@@ -181,6 +182,15 @@ class MovingLine:
     @cached_property
     def supports(self) -> tuple[Contact, ...]:
         return tuple(c for c in self.contacts if isinstance(c, Contact))
+
+    def rest_case(self, cars_at_x: Iterable[tuple[Car, float]]) -> Case:
+        """The line at rest with these cars, each at its x [m]."""
+        stations = [
+            Station(c.name, c.kind, *c.point, force=c.force or 0.0, stiffness=c.stiffness) for c in self.supports
+        ]
+        stations += [car.station_at(x, self.gravity) for car, x in cars_at_x]
+        stations.sort(key=lambda station: station.x)
+        return Case(tuple(stations), self.weight_per_length, self.rope.EA, length=self.rope.length)
 
     @cached_property
     def phases(self) -> tuple[tuple[float, float], ...]:

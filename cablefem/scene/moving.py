@@ -13,7 +13,7 @@ from cablefem.scene.contacts import NEAREST, Array, Car, Contact, Elastic, Movin
 from cablefem.scene.drive import GRIP, Drive, Driving
 from cablefem.scene.errors import SceneError, short_text
 from cablefem.scene.line import Car as CarTable
-from cablefem.scene.line import Case, Line, LineState, NoLineAtRest, Solver, Station
+from cablefem.scene.line import Line, LineState, NoLineAtRest, Solver
 from cablefem.scene.motion import Motion
 from cablefem.scene.travel import Law, Table, Trapezoid
 
@@ -173,17 +173,12 @@ def _too_heavy_for_shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> I
     assert line.solve is not None
     heaviest = 0.3  # M g/N of a car that runs over a shoe
     for x in (saddle.point[0] - shoe, saddle.point[0] + shoe):
-        stations = [
-            Station(c.name, c.kind, *c.point, force=c.force or 0.0, stiffness=c.stiffness) for c in line.supports
-        ]
-        stations.append(car.station_at(x, line.gravity))
-        stations.sort(key=lambda p: p.x)
-        case = Case(tuple(stations), line.weight_per_length, line.rope.EA, length=line.rope.length)
+        case = line.rest_case([(car, x)])
         state = line.solve([case])[0]
         if isinstance(state, NoLineAtRest):
             yield f"car.{car.name}: does not come onto the shoe of {saddle.name}: {state}"
             return
-        names = [p.name for p in stations]
+        names = [p.name for p in case.stations]
         N = float(np.nanmin(state.station_tensions[names.index(saddle.name)]))
         if weight > heaviest * N:
             ratio = f"M g/N = {weight / N:.3g} at the shoe of {saddle.name}; must be <= {heaviest:g}"
