@@ -243,7 +243,7 @@ class RollingCar(System):
         if x.phase < len(self.phases) - 1:
             return math.inf
         remaining = max(self.mode.slow_since, self.phases[-1][0]) + self.round_trip - x.t
-        rests = self.drive.is_rest_position(float(x.q[-1])) and not self._moves_too_far_for_rest(x)
+        rests = self.drive.is_near_rest_position(float(x.q[-1])) and not self._moves_too_far_for_rest(x)
         return remaining if rests else max(remaining, self.round_trip)
 
     def step_fraction(self, x: State, since_event: float, time_ahead: float = 0.0) -> float:

@@ -298,7 +298,7 @@ class Drive:
         i = bisect.bisect_right(self.departure_directions, (s_o, math.inf)) - 1
         return self.departure_directions[i][1] if i >= 0 else 0
 
-    def is_rest_position(self, s_o: float) -> bool:
+    def is_near_rest_position(self, s_o: float) -> bool:
         """Whether s_o is within `rest_distance` of a position of rest."""
         d = self.rest_distance
         ends = [*(s for s, _ in self.departure_directions[1:]), math.inf]

@@ -305,7 +305,7 @@ class _RideSolver:
             """Negative where the car is slow, and would stay."""
             px, py, *_ = self.path(y[0])
             excess = abs(y[1]) * math.hypot(px, py) - drive.rest_speed
-            return excess if drive.is_rest_position(y[0]) else max(excess, drive.rest_speed)
+            return excess if drive.is_near_rest_position(y[0]) else max(excess, drive.rest_speed)
 
         watches: dict[str, Any] = {
             "still": lambda t, y: self.motion_sign * y[1],

@@ -255,5 +255,5 @@ def test_places_where_a_car_at_rest_stays():
     drive, l = CREEPER.groups.drive, CREEPER.length
     directions = [drive.departure_direction(x / l) for x in (50.0, 199.0, 201.0, 289.0, 291.0, 394.0, 396.0)]
     assert directions == [1, 1, 0, 0, -1, -1, 0]
-    assert drive.is_rest_position(199.96 / l)
-    assert not drive.is_rest_position(199.94 / l)  # 0.023 m before friction holds it
+    assert drive.is_near_rest_position(199.96 / l)
+    assert not drive.is_near_rest_position(199.94 / l)  # 0.023 m before friction holds it

@@ -191,7 +191,7 @@ def _draw_median_tensions(figure: Table, runs: Shown) -> Figure:
     return fig
 
 
-def _draw_travel_law(figure: Table, runs: Shown) -> Figure:
+def _draw_travel_with_rates(figure: Table, runs: Shown) -> Figure:
     """Draw acceleration, speed and position of the mass over time."""
     motion = Scene.from_toml(runs[0][0].scene_toml).groups.motion
     assert motion is not None
@@ -242,5 +242,5 @@ OF_NUMBERS: dict[str, Callable[[Table], Figure]] = {  # of claims.json
 }  # fmt: skip
 OF_RUNS: dict[str, Callable[[Table, Shown], Figure]] = {
     "paths": _draw_paths, "shapes": _draw_along_cable, "tensions": _draw_along_cable, "levels": _draw_median_tensions,
-    "law": _draw_travel_law,
+    "law": _draw_travel_with_rates,
 }  # fmt: skip
