@@ -336,6 +336,19 @@ def test_the_page_says_why_scenes_have_no_answer(tmp_path):
     assert "cable.EA" in outcome.html
 
 
+def test_the_page_says_what_is_hit_on_the_way_and_what_does_not_agree(tmp_path):
+    """A rider through a tree was a dot "stopped in the brake", and scenes that disagree had to be looked up in rows."""
+    study = study_of_count(2)
+    end = {"outcome_kind": "arrives", "outcome": "arrives at 90 m", "speed_max": 9.0}
+    hit = end | {"outcome": "would hit fir; arrives at 90 m", "verdict": "disagree", "not_agreed": "tension"}
+    rows = [job.row_of_point_or_failure(study, i, study.point(i)) | x for i, x in enumerate((end, hit))]
+    engine.write_rows(tmp_path, study, rows)
+    (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
+    scenes = sections(tmp_path)[-1].html
+    assert '"values": ["arrived", "would hit; arrived"]' in scenes
+    assert '"values": [null, "tension"]' in scenes
+
+
 def test_the_page_of_planted_faults_counts_verdicts_by_fault(tmp_path, monkeypatch):
     monkeypatch.setattr(job, "_check_row", lambda *given: {"status": "complete", "verdict": "disagree"})
     study = Study.load("power")

@@ -78,7 +78,7 @@
       const row = body.insertRow();
       row.id = `scene-${data.index[i]}`;
       cell(row, "td", data.index[i]);
-      axes.forEach(a => cell(row, "td", short(a.values[i])).className = a.words ? "" : "n");
+      axes.forEach(a => cell(row, "td", a.words ? a.values[i] ?? "–" : short(a.values[i])).className = a.words ? "" : "n");
       cell(row, "td", "").append(Object.assign(document.createElement("code"), {textContent: `cablefem sweep ${data.study} --scene ${data.index[i]}`}));
     }
     document.getElementById("sweep-table").replaceChildren(table);

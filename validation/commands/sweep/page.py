@@ -37,6 +37,7 @@ def sections(folder: Path) -> list[Section]:
     file = folder / "study.toml"
     study = Study.load(file)
     rows = read_rows(folder)
+    rows["end"] = _words_of_ends(rows)
     complete = rows["status"] == "complete"
     refused = rows["status"] == "refused"
     broken = rows["status"].isin(BROKEN)
@@ -55,6 +56,12 @@ def sections(folder: Path) -> list[Section]:
         judged=rows[rows["verdict"].notna()], counted=_count_table, bars=bars, maps=maps, shown=len(shown),
         data=Markup(data), script=Markup(script),
     )  # fmt: skip
+
+
+def _words_of_ends(rows: DataFrame) -> Any:
+    """What becomes of the car of each scene in words, and whether something is in its way; none of a scene without."""
+    hits = rows["outcome"].fillna("").str.contains("would hit ")
+    return np.where(hits, "would hit; ", "") + rows["outcome_kind"].map(ENDS)
 
 
 def _count_table(rows: DataFrame, by: list[str], caption: str) -> Markup:
@@ -97,7 +104,7 @@ def _draw_maps(study: Study, rows: DataFrame) -> Iterator[Markup]:
     if not axes:
         return
     log_axes = _logarithmic_axes(study)
-    ended = rows[rows["outcome_kind"].notna()]
+    ended = rows[rows["end"].notna()]
     if len(ended):
         yield _draw_outcomes(_thinned_rows(ended), axes, log_axes)
     for quantity in MAPS:
@@ -124,11 +131,10 @@ def _draw_outcomes(rows: DataFrame, axes: list[str], log_axes: set[str]) -> Mark
     x = axes[0]
     y = axes[1] if len(axes) > 1 else "speed_max"
     fig, ax = figure_with_axes()
-    for i, kind in enumerate(rows["outcome_kind"].value_counts().index):
-        part = rows[rows["outcome_kind"] == kind]
+    for i, end in enumerate(rows["end"].value_counts().index):
+        part = rows[rows["end"] == end]
         marker = "o" if i < len(COLORS) else "s"
-        label = ENDS.get(kind, kind)
-        _draw_dots(ax, part, x, y, log_axes, color=COLORS[i % len(COLORS)], marker=marker, label=label)
+        _draw_dots(ax, part, x, y, log_axes, color=COLORS[i % len(COLORS)], marker=marker, label=end)
     ax.set_ylabel(_label_with_unit(y))
     ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return captioned_figure(fig, f"What becomes of the car over {x} and {y}")
@@ -207,6 +213,7 @@ def _explorer_data(study: Study, file: Path, rows: DataFrame) -> dict[str, Any]:
     """What explorer.js shows: curves of scenes across their axes, and a table with the command of each."""
     names = [
         *study.axes,
+        "end",
         *TEXTS["main"],
         "tension_min",
         "contact_min",
@@ -216,6 +223,7 @@ def _explorer_data(study: Study, file: Path, rows: DataFrame) -> dict[str, Any]:
         "seconds",
         "status",
         "verdict",
+        "not_agreed",
         "method",
     ]
     log_axes = _logarithmic_axes(study)
