@@ -68,6 +68,22 @@ def test_a_car_that_lifts_off_says_so_before_what_has_no_meaning():
     assert row.verdict is Verdict.AGREE
     wrong = sentence.replace(f"{event['t']:.1f}", f"{event['t'] + 0.2:.1f}")
     assert recomputed.recomputed_outcome_row(r, None, kind, wrong).verdict is not Verdict.AGREE
+    upwards = np.where(r.t > 0.5 * event["t"], -1.0, 1.0)[:, None] * r.contact
+    for contact, verdict in (r.contact, Verdict.AGREE), (upwards, Verdict.DISAGREE):
+        without_event = dataclasses.replace(r, contact=contact, events=[])
+        with_numbers = dataclasses.replace(without_event, design=design_numbers(without_event))
+        end = answers.outcome_of_run(scene, with_numbers)
+        assert recomputed.recomputed_outcome_row(with_numbers, None, *end).verdict is verdict
+
+
+def test_a_free_ride_that_still_rolls_has_the_time_of_its_scene():
+    scene = scene_with_changes(drive__end={"time": 10.0})
+    r = quasi_static(scene)
+    end = answers.outcome_of_run(scene, r)
+    assert recomputed.recomputed_outcome_row(r, None, *end).verdict is Verdict.AGREE
+    longer = scene.replace({"drive.end.time": 10.2}).to_toml()
+    late = dataclasses.replace(r, scene_toml=longer)
+    assert recomputed.recomputed_outcome_row(late, None, *end).verdict is Verdict.DISAGREE
 
 
 def test_a_hauled_car_and_a_prescribed_stop():

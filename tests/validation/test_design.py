@@ -241,6 +241,26 @@ def test_a_design_number_three_percent_off_is_seen(ladder_with_numbers, quantity
     assert bar > 0.02 or ("design", quantity) in wrong_quantities(recomputed.recomputed_rows(r))
 
 
+@pytest.mark.parametrize("name", ["t", "s", "s_o", "x"])
+def test_a_design_number_that_is_said_to_be_elsewhere_is_seen(ladder_with_numbers, name):
+    _, ladder, numbers = ladder_with_numbers
+    r = response_with_numbers(ladder, numbers)
+    r.design[:] = [n | {name: 0.97 * n[name]} if n["quantity"] == "tension_max" else n for n in r.design]
+    moved = next(n for n in numbers if n.quantity == "tension_max")
+    wrong = wrong_quantities(recomputed.recomputed_design_rows(r))
+    assert wrong == ({("design", "tension_max")} if getattr(moved, name) else set())
+
+
+def test_a_design_number_of_another_moment_is_seen(ladder_with_numbers):
+    _, ladder, numbers = ladder_with_numbers
+    r = response_with_numbers(ladder, numbers)
+    k = r.t.size // 3
+    s_o = float(r.s_o[k])
+    elsewhere = {"t": float(r.t[k]), "s": s_o, "s_o": s_o, "x": float(np.interp(s_o, r.fields.s, r.fields.x))}
+    r.design[:] = [n | elsewhere if n["quantity"] == "mass_deflection_max" else n for n in r.design]
+    assert wrong_quantities(recomputed.recomputed_design_rows(r)) == {("design", "mass_deflection_max")}
+
+
 @pytest.fixture(scope="module")
 def ride_with_all_numbers():
     """A ride over trees and ground in crosswind, with all numbers that its scene can have."""

@@ -254,9 +254,27 @@ def test_events_that_are_told_elsewhere_and_a_stop_of_a_car_that_rolls_are_seen(
     stop = {"event": "stop", "t": float(r.t[-1]), "s_o": float(r.s_o[-1]), "speed": 0.0}
     assert gap_with_events([*r.events, stop]) > 100.0 * right
     for i, event in enumerate(r.events):
+        assert gap_with_events([*r.events[:i], *r.events[i + 1 :]]) >= 1.0, event
         for name in ("t", "s_o", "speed") if event["speed"] > 0.1 else ("t", "s_o"):
             wrong = event | {name: 1.01 * event[name]}
             assert gap_with_events([*r.events[:i], wrong, *r.events[i + 1 :]]) > 100.0 * right, (event, name)
+
+
+def test_a_turn_or_a_stop_that_is_told_late_is_seen():
+    """A car on a level rope swings through the valley until friction holds it."""
+    valley = ZIP.replace("drop = 15.0", "drop = 0.0") + "rolling_friction = 0.02\n"
+    r = run(Scene.from_toml(valley), "following-p2", **RODE)
+    kinds = [event["event"] for event in r.events]
+    assert {"turn", "stop"} <= set(kinds)
+    assert row_by_law(ladder_without_coarser_runs(r))["drive"].gap < 1e-9
+    for i, event in enumerate(r.events):
+        k = min(int(np.searchsorted(r.t, event["t"])) + 20, r.t.size - 1)
+        late = event | {"t": float(r.t[k]), "s_o": float(r.s_o[k])}
+        if event["event"] == "turn":
+            late["speed"] = float(r.speed[k])
+        events = [*r.events[:i], late, *r.events[i + 1 :]]
+        row = row_by_law(ladder_without_coarser_runs(replace(r, events=events)))["drive"]
+        assert row.gap > row.allowed, event
 
 
 @pytest.mark.slow

@@ -336,18 +336,38 @@ def _largest_timetable_position_gap(evidence: Evidence) -> float:
 def _excess_speed_after_stop(evidence: Evidence) -> float:
     """Speed [m/s] of a stopped car beyond that of a car at rest, a mean over the last axial round trip of the run.
 
-    At rest are cars below `rest_speed`, or the slip F/(2 sqrt(rho EA)) as the cable springs back from brakes F.
+    See `_largest_speed_at_rest`.
     """
     r = evidence.r
-    data = evidence.data
-    duration = min(r.t[-1] - r.t[0], data.round_trip)
+    duration = min(r.t[-1] - r.t[0], evidence.data.round_trip)
     if not duration:
         return 0.0
     before = np.interp(r.t[-1] - duration, r.t, r.s_o)
     speed = abs(r.s_o[-1] - before) / duration
-    braking = sum(brake["force"] for brake in data.drive.get("brake", []) if brake["from"] <= r.s_o[-1])
-    at_rest = max(data.drive.get("rest_speed", 1e-3), braking / (2.0 * math.sqrt(data.rho * data.EA)))
-    return max(0.0, speed - 1.01 * at_rest)
+    return max(0.0, speed - 1.01 * _largest_speed_at_rest(evidence))
+
+
+def _largest_speed_at_rest(evidence: Evidence) -> float:
+    """Largest speed [m/s] of a car at rest: `rest_speed`, or F/(2 sqrt(rho EA)) as cable springs back from brakes F."""
+    data = evidence.data
+    braking = sum(brake["force"] for brake in data.drive.get("brake", []) if brake["from"] <= evidence.r.s_o[-1])
+    return float(max(data.drive.get("rest_speed", 1e-3), braking / (2.0 * math.sqrt(data.rho * data.EA))))
+
+
+def _stop_time(evidence: Evidence) -> float:
+    """When [s] friction or brakes first hold a car near where it ends: its slip along the cable turns or ends there.
+
+    Without such a standstill the end of the run.
+    """
+    r = evidence.r
+    drive = evidence.data.drive
+    if not drive.get("rolling_friction") and not drive.get("brake"):
+        return float(r.t[-1])
+    slips = np.diff(r.s_o)
+    halts = 1 + np.flatnonzero((slips[:-1] != 0.0) & (slips[:-1] * slips[1:] <= 0.0))  # steps
+    near = evidence.data.round_trip * _largest_speed_at_rest(evidence)
+    at_end = halts[np.abs(r.s_o[halts] - r.s_o[-1]) <= near]
+    return float(r.t[at_end[0] if at_end.size else -1])
 
 
 @_register_law("drive", _car_rolls, exact=True)
@@ -375,7 +395,7 @@ def _event_gaps(evidence: Evidence) -> list[float]:
     # [m] one of which is that of the event
     positions = {"arrival": [table.arrival_position], "back": [0.5 * min(table.start_position, 0.01 * l)]}
     positions["brake"] = [brake["from"] for brake in drive.get("brake", [])]
-    gaps = []
+    gaps = _gaps_of_passed_events(evidence)
     for event in r.events:
         kind = event["event"]
         t = event["t"]
@@ -383,6 +403,7 @@ def _event_gaps(evidence: Evidence) -> list[float]:
         speed = np.interp(t, r.t, r.speed)
         if kind == "stop":
             speed = _excess_speed_after_stop(evidence)
+            gaps.append((t - _stop_time(evidence)) / r.t[-1])
         gaps.append((t - np.clip(t, r.t[0], r.t[-1])) / r.t[-1])  # beyond the run
         gaps.append((np.interp(t, r.t, r.s_o) - s_o) / l)
         gaps.append((speed - event["speed"]) / float(r.speed.max()))
@@ -390,6 +411,48 @@ def _event_gaps(evidence: Evidence) -> list[float]:
             gaps.append(abs(t - times[kind]) / r.t[-1])
         if positions.get(kind):
             gaps.append(min(abs(s_o - x) for x in positions[kind]) / l)
+    return gaps
+
+
+def _gaps_of_passed_events(evidence: Evidence) -> list[float]:
+    """How many events of each kind the run lacks, or has too many, by its path and the TOML.
+
+    Brakes count each time the car rolls on to them. Of turns see `_turn_gaps`.
+    """
+    r = evidence.r
+    drive = evidence.data.drive
+    thrust_times, _ = thrust_times_and_forces(drive)
+    near = ROUNDING * r.length
+    expected = {"release": _is_during(r, drive.get("release", 0.0)), "thrust_end": _is_during(r, thrust_times[-1])}
+    if r.drive == "free":
+        expected["arrival"] = int(r.s_o[-1] >= evidence.timetable.arrival_position - near)
+    expected["brake"] = 0
+    for brake in drive.get("brake", []):
+        beyond = r.s_o - brake["from"]
+        sides = np.sign(beyond[np.abs(beyond) > near])
+        expected["brake"] += int(np.count_nonzero(np.diff(sides) > 0.0))
+    events = [event["event"] for event in r.events]
+    return [abs(events.count(kind) - count) for kind, count in expected.items()] + _turn_gaps(r)
+
+
+def _is_during(r: Response, t: float) -> int:
+    return int(0.0 < t <= r.t[-1])
+
+
+def _turn_gaps(r: Response) -> list[float]:
+    """Distances over the length by which a car goes back between two turns, or on after one."""
+    s = r.s_o / r.length
+    turns = [int(np.argmin(np.abs(r.t - event["t"]))) for event in r.events if event["event"] == "turn"]
+    steps = [0, *turns, s.size - 1]
+    swing = 1e-3  # shortest way back after a turn
+    gaps = []
+    for begin, end in pairwise(steps):
+        piece = s[begin : end + 1] * np.sign(s[end] - s[begin])
+        back = float((np.maximum.accumulate(piece) - piece).max())
+        gaps.append(back if back > swing else 0.0)
+    for before, turn, after in zip(steps, turns, steps[2:], strict=False):
+        around = s[before : after + 1] * np.sign(s[turn] - s[before])
+        gaps.append(float(around.max() - around[turn - before]))
     return gaps
 
 

@@ -6,8 +6,8 @@ It reads the TOML, the path and the stored fields, and imports nothing that writ
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
@@ -66,7 +66,12 @@ def recomputed_design_rows(r: Response, counterpart: Response | None = None) -> 
             if numbers.has_second_computation(quantity):
                 expected = numbers.number(quantity, averaged=not peak)
                 size = max(numbers.largest_size(quantity), abs(expected or 0.0)) or 1.0
-                yield _printed_number_row(r, row, expected, size, peak)
+                of_number = _printed_number_row(r, row, expected, size, peak)
+                if peak:
+                    yield of_number
+                else:
+                    elsewhere = numbers.gap_at_printed_place(row) / size
+                    yield replace(of_number, gap=max(of_number.gap, elsewhere))
             else:
                 yield Agreement("design", math.nan, no_bound("printed without a second computation"), law=quantity)
 
@@ -83,7 +88,17 @@ def _printed_number_row(r: Response, row: dict[str, Any], expected: float | None
 
 
 FROM_TOML = ("sag_car_rest", "acceleration_max", "deceleration_max")
-Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
+
+
+class SignalOverTime(NamedTuple):
+    """A signal of times (n,) at positions along the rope: values (n,) at s (n,), or (n, m) at s (m,)."""
+
+    t: Array
+    value: Array
+    s: Array  # [m]
+
+
+Signals = list[SignalOverTime]
 # felt as means over an axial round trip
 FORCES = ("tension", "reaction", "contact", "haul_force", "thrust", "angle", "stress", "car_deceleration")
 
@@ -134,18 +149,38 @@ class RecomputedNumbers:
     def largest_size(self, quantity: str) -> float:
         """Largest size of the values of which a number is an extreme; 0 where it is of none."""
         signals = self._signals_of_kind(quantity) or []
-        return max((float(np.nanmax(np.abs(values), initial=0.0)) for _, values in signals), default=0.0)
+        return max((float(np.nanmax(np.abs(signal.value), initial=0.0)) for signal in signals), default=0.0)
 
     def _extreme(self, kind: str, averaged: bool) -> float | None:
         """Smallest or largest value of a signal over the time span; None where nothing is known."""
-        signals = self._signals_of_kind(kind)
-        assert signals is not None
-        period = self.data.round_trip if averaged and kind.startswith(FORCES) else 0.0
-        means = [_moving_means(t, values, self.time_span, period) for t, values in signals if t.size]
-        values = np.concatenate([x.ravel() for x in means])
+        values = np.concatenate([x.value.ravel() for x in self._means_of_signals(kind, averaged)])
         if not values.size:
             return None
         return float(values.min() if kind.endswith("_min") else values.max())
+
+    def _means_of_signals(self, kind: str, averaged: bool) -> Signals:
+        signals = self._signals_of_kind(kind) or []
+        period = self.data.round_trip if averaged and kind.startswith(FORCES) else 0.0
+        return [_moving_means(signal, self.time_span, period) for signal in signals if signal.t.size]
+
+    def gap_at_printed_place(self, row: dict[str, Any]) -> float:
+        """Gap of a printed number to the value at the time and position that are printed with it; infinite: none there.
+
+        0 of what has no signal of its own, as the top speed of a timetable.
+        """
+        kind = row["quantity"]
+        means = self._means_of_signals(kind, averaged=True)
+        of_timetable = kind == "speed_max" and self.r.drive != "free"
+        if not means or of_timetable or row.get("t") is None:
+            return 0.0
+        r = self.r
+        near = ROUNDING * r.length
+        car_s = np.interp(row["t"], r.t, r.s_o)
+        x_at_rest = np.interp(row["s"], r.fields.s, r.fields.x)
+        if max(abs(row["s_o"] - car_s), abs(row["x"] - x_at_rest)) > near:
+            return math.inf
+        values = [x for signal in means if signal.t.size for x in _values_at(signal, row["t"], row["s"], near)]
+        return min((abs(row["value"] - value) for value in values), default=math.inf)
 
     def _min_clearance(self, profile: Array, of_car: bool) -> float | None:
         """Smallest height [m] of car or rope over an obstacle or the ground; None: never above it."""
@@ -189,26 +224,28 @@ def _signals_by_kind(r: Response, data: OneSpanData) -> dict[str, Signals]:
     """Signals of each kind of design number."""
     f = r.fields
     at_steps = _signals_at_car(r, data)
-    tensions = [(r.t, r.T_behind), (r.t, r.T_ahead)]
-    tensions.append((f.t, f.T))
-    for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):
-        horizontal, vertical = np.abs(force.T)
-        size = np.hypot(horizontal, vertical)
-        tensions.append((r.t, size))
-        at_steps[f"reaction_{side}"] = size
-        at_steps[f"reaction_{side}_horizontal"] = horizontal
-        at_steps[f"reaction_{side}_vertical"] = vertical
-        at_steps[f"angle_{side}"] = np.degrees(np.arcsin(vertical / size))
     signals: dict[str, Signals] = {}
     for name, values in at_steps.items():
-        signals[name] = [(r.t, values)]
+        signals[name] = [SignalOverTime(r.t, values, r.s_o)]
+    tensions = [SignalOverTime(r.t, T, r.s_o) for T in (r.T_behind, r.T_ahead)]
+    tensions.append(SignalOverTime(f.t, f.T, f.s))
+    for side, force, s in (("left", r.reaction_left, 0.0), ("right", r.reaction_right, r.length)):
+        horizontal, vertical = np.abs(force.T)
+        size = np.hypot(horizontal, vertical)
+        s_support = np.full(r.t.shape, s)
+        tensions.append(SignalOverTime(r.t, size, s_support))
+        components = {"": size, "_horizontal": horizontal, "_vertical": vertical}
+        for name, values in components.items():
+            signals[f"reaction_{side}{name}"] = [SignalOverTime(r.t, values, s_support)]
+        angle = np.degrees(np.arcsin(vertical / size))
+        signals[f"angle_{side}"] = [SignalOverTime(r.t, angle, s_support)]
     wheels = data.scene["mass"].get("wheels", {})
     for N in (r.T_behind, r.T_ahead) if wheels else ():
         load = at_steps["contact"] / wheels.get("count", 2)
         for kind, values in rope_stresses_at_wheel(data.cable, wheels, N, load).items():
-            signals.setdefault(kind, []).append((r.t, values))
+            signals.setdefault(kind, []).append(SignalOverTime(r.t, values, r.s_o))
     signals["tension"] = tensions
-    signals["deepest_point"] = [(r.t, r.y), (f.t, f.y + f.v)]
+    signals["deepest_point"] = [SignalOverTime(r.t, r.y, r.s_o), SignalOverTime(f.t, f.y + f.v, f.s)]
     return signals
 
 
@@ -239,21 +276,36 @@ def _contact_force(r: Response) -> Array:
     return cross_product(tangent, r.contact) / np.sqrt(np.sum(tangent**2, axis=1))
 
 
-def _moving_means(t: Array, values: Array, time_span: tuple[float, float], period: float) -> Array:
-    """Means of a signal (n,), or of a field (n, m) over frames, over a period around all times in a time span."""
-    known = np.isfinite(values.reshape(t.size, -1)).all(axis=1)
-    t = t[known]
-    values = values[known]
+def _moving_means(signal: SignalOverTime, time_span: tuple[float, float], period: float) -> SignalOverTime:
+    """Means of a signal over a period around all times in a time span; of fields over frames."""
+    known = np.isfinite(signal.value.reshape(signal.t.size, -1)).all(axis=1)
+    t = signal.t[known]
+    values = signal.value[known]
     inside = is_within(t, *time_span)
     if values.ndim == 2:
-        return _means_of_frames(t[inside], values[inside], period)
+        return SignalOverTime(t[inside], _means_of_frames(t[inside], values[inside], period), signal.s)
+    s = signal.s[known]
     if inside.any():  # up to the ends of the range
         begin, end = np.clip(time_span, t[0], t[-1])
         between = t[inside & (t > begin) & (t < end)]
         times = np.unique(np.concatenate([[begin], between, [end]]))
         values = np.interp(times, t, values)
+        s = np.interp(times, t, s)
         t = times
-    return means_around_times(t, values, t, period) if period and t.size >= 3 else values
+    if period and t.size >= 3:
+        values = means_around_times(t, values, t, period)
+    return SignalOverTime(t, values, s)
+
+
+def _values_at(signal: SignalOverTime, t: float, s: float, near: float) -> list[float]:
+    """Values of a signal at a time and position, up to `near` [m]; of a field at one of its frames and stations."""
+    if signal.value.ndim == 2:
+        frame = int(np.argmin(np.abs(signal.t - t)))
+        station = int(np.argmin(np.abs(signal.s - s)))
+        is_there = is_within(signal.t[frame], t, t) and abs(signal.s[station] - s) <= near
+        return [float(signal.value[frame, station])] if is_there else []
+    is_there = abs(np.interp(t, signal.t, signal.s) - s) <= near
+    return [float(np.interp(t, signal.t, signal.value))] if is_there else []
 
 
 def _means_of_frames(t: Array, values: Array, period: float) -> Array:
@@ -354,6 +406,8 @@ def recomputed_outcome_row(r: Response, counterpart: Response | None, kind: str,
     expected = _expected_end_of_motion(r, numbers.timetable)
     bars = {row["quantity"]: row["bar"] or 0.0 for row in r.design}
     expected.parts = _obstacle_hit_sentences(numbers, bars)
+    if expected.kind != "incomplete" and _lifts_off_unnoticed(numbers, bars):
+        expected.numbers = [math.nan, math.nan, *expected.numbers]
     if "safety_factor_min" in bars:
         _add_broken_rope_to(expected, numbers, bars["safety_factor_min"])
     return _recomputed_row(r, "outcome", "", 0.0 if expected.matches(kind, sentence) else 1.0, ROUNDING)
@@ -376,7 +430,10 @@ def _expected_outcome_of_free_ride(r: Response, drive: dict[str, Any]) -> Expect
     speed = 3.6 * _speed(r)  # [km/h]
     ends = [event for event in r.events if event["event"] in ("arrival", "back", "stop")]
     if not ends:
-        return ExpectedOutcome("rolling", [float(values[-1]) for values in (r.t, r.s_o, speed)])
+        last_time = float(r.t[-1])
+        if r.status == "complete":
+            last_time = drive.get("end", {}).get("time", last_time)
+        return ExpectedOutcome("rolling", [last_time, float(r.s_o[-1]), float(speed[-1])])
     last = ends[-1]
     t = last["t"]
     s_o = last["s_o"]
@@ -452,6 +509,16 @@ def _obstacle_hit_sentences(numbers: RecomputedNumbers, bars: dict[str, float]) 
             near.append(name)
     parts = {"would hit ": hit, "too close to tell whether it clears ": near}
     return [words + " and ".join(names) for words, names in parts.items() if names]
+
+
+def _lifts_off_unnoticed(numbers: RecomputedNumbers, bars: dict[str, float]) -> bool:
+    """Whether a car that rolls has no event of lifting off where its mean contact force is negative beyond its bar."""
+    r = numbers.r
+    may_lift_off = r.drive != "grip" and r.model != "quasi-static" and "contact_min" in bars
+    if not may_lift_off or any(event["event"] == "lift_off" for event in r.events):
+        return False
+    contact = numbers.number("contact_min")
+    return contact is not None and contact + bars["contact_min"] < 0.0
 
 
 def _add_broken_rope_to(expected: ExpectedOutcome, numbers: RecomputedNumbers, bar: float) -> None:
