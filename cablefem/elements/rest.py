@@ -124,16 +124,19 @@ def _soft_law(system: LineBalance, N: Array, fraction: float) -> Array:
 def _set_guess_and_return_tensions(system: LineBalance, q: Array, free: Mask) -> Array:
     """Set free ones of q to parabolas between guessed contacts; return tensions (K,) of the segments."""
     guess = _guess_contact_points_and_tensions(system, q, free)
+    points = guess.points.copy()
     s = np.where(free[system.s], guess.s, q[system.s])
     q[system.s] = s
-    dx, dy = np.diff(guess.points, axis=0).T
-    sag = system.line.weight_per_length * np.diff(s) * dx / (8.0 * guess.H)
-    nodal = _nodes_on_parabolas(system, guess.points, sag)
     for trolley in system.trolleys:
-        rear, front = guess.points[[trolley.k - 1, trolley.k]]
-        base_x, base_y = front - rear
-        body = [*front, np.arctan2(base_y, base_x)]
+        rear, front = points[[trolley.k - 1, trolley.k]]
+        chord = front - rear
+        body = [*front, np.arctan2(*chord[::-1])]
+        # nodes nearer to the rear wheel than it moves would fold the rope
+        points[trolley.k - 1] = front - trolley.wheels.base / np.hypot(*chord) * chord
         q[trolley.body] = np.where(free[trolley.body], body, q[trolley.body])
+    dx, dy = np.diff(points, axis=0).T
+    sag = system.line.weight_per_length * np.diff(s) * dx / (8.0 * guess.H)
+    nodal = _nodes_on_parabolas(system, points, sag)
     coordinates = np.flatnonzero(free[: 2 * system.n])
     q[coordinates] = nodal.ravel()[coordinates]
     return guess.H * np.hypot(dx, dy) / dx

@@ -131,3 +131,18 @@ def test_a_held_rider_on_two_wheels_has_no_friction_before_it_rolls(wing):
     assert tensions[0] == pytest.approx(tensions[1], abs=1.0)  # friction would be 12 N
     hold = float(system.hold[0] if wing == "elements" else system.holds[1])
     assert hold == pytest.approx(tensions[3] - tensions[2], abs=1.0)
+
+
+def test_fine_elements_between_two_wheels_on_a_slope_are_not_folded():
+    """The first guess moved the rear wheel beyond nodes, and a rope compressed between both wheels was called slack."""
+    wheels = Wheels(base=1.5, inertia=6.0, below=0.3)
+    sled = replace(car("sled", 20.0, None, "free", start=10.0), wheels=wheels)
+    rope = {"mass_per_length": 3.0, "EA": 5e7, "length": 200.43}
+    pitches = []
+    for size in (12, 150):
+        system = LineElements(line(rope, LEFT, sled, anchor("right", 200.0, 12.0)), elements=size)
+        x = system.observe([system.start(0, None)], np.array([9.0])).cars[0].turning
+        pitches.append(x.angle[0])
+        for wheel in x.wheels:
+            assert wheel.tension_behind[0] == pytest.approx(wheel.tension_ahead[0], rel=1e-3)
+    assert pitches[0] == pytest.approx(pitches[1], abs=1e-8)
