@@ -159,6 +159,13 @@ class LineInMotion(MarchingSystem):
             return math.inf
         return self.line.time_at_rest(float(max(self.held_since[i] for i in self.free_cars)), phase)
 
+    def hold_until_released(self, x: State) -> State:
+        """The first state, where friction holds free cars as long as they are not released."""
+        for i in self.stops:
+            if self.car_by_number[i].drive.release > 0.0:
+                x = self._stop_or_slip_on(i, x)
+        return x
+
     def _stop_or_slip_on(self, i: int, x: State) -> State:
         """The state after a standstill: friction holds the car, or it slips."""
         self.held_since[i] = x.t

@@ -204,7 +204,7 @@ class LineSines(LineInMotion):
             v = np.where(forces, 0.0, (after - before) / (2.0 * NUDGE))
         x = State(0.0, q, v, rest[2, free], 0)
         self.begin_step(x)
-        return self.with_acceleration(x)
+        return self.hold_until_released(self.with_acceleration(x))
 
     def _require_taut_rope_on_saddles(self, values: LineValues) -> None:
         """StepFailure where the rope at rest is slack or lifts off a saddle."""

@@ -66,7 +66,8 @@ class LineElements(LineInMotion, LineBalance):
         self._refuse_slack_rope(t, self.balance_rows(t, at_rest, phase))
         q[self.force] = 0.0
         v[self.force] = 0.0
-        return consistent_acceleration(self, t, q[self.free], v[self.free], phase)
+        x = consistent_acceleration(self, t, q[self.free], v[self.free], phase)
+        return self.hold_until_released(x)
 
     def _refuse_slack_rope(self, t: float, rows: Array) -> None:
         """Raise StepFailure where the rope at rest is slack or lifts off a saddle; rows : of the last balance."""

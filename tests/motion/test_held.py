@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from cablefem.catenary_line import solve
 from cablefem.elements.system import LineElements
@@ -267,3 +268,20 @@ def test_a_rider_that_a_slow_release_holds_at_first_sets_out():
     alone = Line.from_toml(held)
     run = LineRuns(ELEMENTS, alone).run(2, 2)
     assert [name for name, _ in run.events] == ["ahead brakes", "ahead stops"]
+
+
+@pytest.mark.parametrize("solver", [ELEMENTS, SINES])
+def test_friction_holds_a_rider_until_its_release_leaves_it_more_than_friction(solver):
+    """It rolled uphill at first, by friction and the hold together."""
+    held = rider_toml("rider", 90.0, 40.0, (220.0, 300.0)) + "release = 6.0\n"
+    run = LineRuns(solver, Line.from_toml(ROPE + held)).run(1, 1)
+    rider = run.motion.cars[0]
+    behind = rider.slope_behind[0] / np.linalg.norm(rider.slope_behind[0])
+    ahead = rider.slope_ahead[0] / np.linalg.norm(rider.slope_ahead[0])
+    fall = -(behind + ahead)[1] / np.linalg.norm(behind + ahead)
+    friction = 0.02 * np.sqrt(1.0 - fall**2) / abs(fall)  # over what pulls the rider
+    x = brentq(lambda x: (1.0 - x) ** 2 * (1.0 + 2.0 * x) - 1.0 + friction, 0.0, 1.0)
+    assert np.all(rider.ds >= -1e-9)
+    moves = run.motion.t[np.flatnonzero(rider.ds > 1e-9)[0]]
+    assert moves == pytest.approx(6.0 * x, abs=0.3)
+    assert np.all(rider.ds[run.motion.t < 6.0 * x - 0.3] == 0.0)

@@ -78,6 +78,10 @@ def test_without_a_half_that_tells_the_bar_is_infinite_and_without_a_quarter_no_
 
 
 def test_a_yes_or_no_is_known_where_all_runs_tell_it_alike() -> None:
-    assert ladder(1.0, (1.2, 1.4), (1.1, 1.1)).yes_no_bar(lambda r: r > 0.0) == 0.0
-    assert ladder(1.0, (1.2, -1.4), (1.1, 1.1)).yes_no_bar(lambda r: r > 0.0) == math.inf
-    assert ladder(1.0, (), (1.1, 1.1)).yes_no_bar(lambda r: r > 0.0) == math.inf
+    def bars(*runs):
+        return ladder(*runs).yes_no_bars_in_space_and_time(lambda r: r > 0.0)
+
+    assert bars(1.0, (1.2, 1.4), (1.1, 1.1)) == (0.0, 0.0)
+    assert bars(1.0, (1.2, -1.4), (1.1, 1.1)) == (math.inf, 0.0)
+    assert bars(1.0, (1.2, 1.4), (-1.1, 1.1)) == (0.0, math.inf)
+    assert bars(1.0, (), (1.1, 1.1)) == (math.inf, 0.0)

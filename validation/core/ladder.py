@@ -115,11 +115,14 @@ class Ladder(Generic[Run]):
         """
         return sum(self.bars_in_space_and_time(functional, distance, order))
 
-    def yes_no_bar(self, functional: Functional) -> float:
-        """The bar of a yes or no: 0 if all runs answer alike, else infinite, also without coarser runs."""
-        if not (self.space.runs and self.time.runs):
-            return math.inf
-        return 0.0 if len({functional(r) for r in self.runs}) == 1 else math.inf
+    def yes_no_bars_in_space_and_time(self, functional: Functional) -> tuple[float, float]:
+        """The parts of the bar of a yes or no: 0 where coarser runs answer as the finest does, else infinite."""
+
+        def bar(coarser: Branch[Run]) -> float:
+            answers = {functional(run) for run in coarser.runs}
+            return 0.0 if answers == {functional(self.finest)} else math.inf
+
+        return bar(self.space), bar(self.time)
 
 
 def row_with_error_bars(

@@ -293,7 +293,7 @@ class LineComparison:
             return
         a = self.a.finest
         b = self.b.finest
-        parts = [(ladder.yes_no_bar(event_names),) * 2 for ladder in ladders]
+        parts = [ladder.yes_no_bars_in_space_and_time(event_names) for ladder in ladders]
         gap = 1.0
         if event_names(a) == event_names(b):
             gap = max_distance(event_times(a), event_times(b)) / self.end

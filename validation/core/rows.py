@@ -327,7 +327,7 @@ def _unpaired_event_row(event: str, a: Ladder, b: Ladder, required: float) -> Ag
     def has_event(r: Response) -> bool:
         return find_event(event, r.events) is not None
 
-    parts = [(ladder.yes_no_bar(has_event), 0.0) for ladder in (a, b)]
+    parts = [ladder.yes_no_bars_in_space_and_time(has_event) for ladder in (a, b)]
     return replace(row_with_error_bars("events", 1.0, (a, b), parts, required), law=event)
 
 
