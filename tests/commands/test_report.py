@@ -94,6 +94,11 @@ def test_an_interrupted_part_is_run_again(cablefem, monkeypatch):
     monkeypatch.setattr(study, "atlas", interrupted)
     assert cablefem("report")[0] == 130
     assert not Path("cablefem-out/report.html").exists()
+    with monkeypatch.context() as nothing_to_run:
+        nothing_to_run.setattr("validation.commands.report.command.PARTS", ())
+        code, out, _ = cablefem("report")
+    assert code == 0
+    assert "atlas did not finish" in out
     replace_study(monkeypatch, "atlas")
     assert cablefem("report")[0] == 0
     assert "this was found" in Path("cablefem-out/report.html").read_text()

@@ -143,15 +143,15 @@ def write_and_print_combined_report(root: Path, parts: Sequence[Part], broken: S
 
 
 def _finished_results(root: Path, parts: Sequence[Part]) -> list[tuple[str, Path]]:
-    """Commands with finished results and their folders, these parts first."""
+    """Commands with finished results and their folders, these parts first; the others are named in the terminal."""
     rank = {(part[0], _folder_name_of_part(part)): i for i, part in enumerate(parts)}
     done = []
     for folder in [root, *sorted(root.glob("*/"))]:
-        done += [
-            (command, folder)
-            for command in store.commands_on_latest_scene(folder)
-            if store.is_finished(folder, command)
-        ]
+        for command in store.commands_on_latest_scene(folder):
+            if store.is_finished(folder, command):
+                done.append((command, folder))
+            elif command != "report":
+                terminal.print_text(f"{folder} is left out: cablefem {command} did not finish there")
     return sorted(done, key=lambda result: rank.get((result[0], result[1].name), len(rank)))
 
 
