@@ -161,11 +161,13 @@ def set_dotted_key(data: dict[str, Any], key: str, value: Any) -> None:
 
 def _find_list_entry(tables: Any, name: str, key: str) -> Any:
     """The table of that name or number in a list of tables; SceneError if there is none."""
-    if isinstance(tables, list | tuple):
-        for i, table in enumerate(tables):
-            if isinstance(table, dict) and name in (table.get("name"), str(i)):
+    known = []
+    for i, table in enumerate(tables if isinstance(tables, list | tuple) else ()):
+        if isinstance(table, dict):
+            if name in (table.get("name"), str(i)):
                 return table
-    raise SceneError([f"{key}: the scene has no such entry"])
+            known.append(str(table.get("name", i)))
+    raise SceneError([f"{key}: the scene has no such entry.{did_you_mean(name, known) if known else ''}"])
 
 
 def _why_no_table(content: Any, name: str, last: str) -> str:

@@ -290,7 +290,8 @@ class _Search:
         """Refused where no end has an answer, or the condition names what their answers do not know."""
         answers = [answer for value in ends for answer in self.answers_at(value)]
         if all(answer.kind == FAILED for answer in answers):
-            raise Refused(f"{self.key}: {answers[0].sentence}")
+            fault = answers[0].sentence
+            raise Refused(fault if fault.startswith(self.key) else f"{self.key}: {fault}")
         refuse_uncheckable_clauses(self.clauses, answers, () if isinstance(self.scene, Line) else EVENT_NAMES)
 
     def margins_at(self, value: float) -> list[float]:
