@@ -58,7 +58,8 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     _raise_if_any(line, faults)
     start_x = {car.name: empty.x_of_position(car, _start_position(car)) for car in cars}
     saddles_by_car = {car.name: _saddles_passed(car, contacts, empty) for car in cars}
-    _raise_if_any(line, [*_order_faults(cars, start_x), *_unpassable_saddle_faults(cars, saddles_by_car, start_x)])
+    faults += [*_order_faults(cars, start_x), *_unpassable_saddle_faults(cars, saddles_by_car, start_x)]
+    _raise_if_any(line, faults or _saddle_at_start_faults(contacts[1:-1], start_x))
     x = {c.name: c.point[0] for c in contacts} | start_x
     everything: list[Contact | Car] = [*contacts, *cars]
     everything.sort(key=lambda c: x[c.name])
@@ -132,6 +133,17 @@ def _order_faults(cars: Sequence[Car], start_x: Mapping[str, float]) -> list[str
         if between < NEAREST:
             where = f"car.{b.name}: begins {between:.4g} m to the right of {a.name}"
             faults.append(f"{where}; must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass")
+    return faults
+
+
+def _saddle_at_start_faults(saddles: Sequence[Contact], start_x: Mapping[str, float]) -> list[str]:
+    """Cars that begin within NEAREST of a saddle, over which they may put the rope as it sags."""
+    faults = []
+    for saddle in saddles:
+        for name, x in start_x.items():
+            distance = abs(x - saddle.point[0])
+            if distance < NEAREST:
+                faults.append(f"car.{name}: begins {distance:.3g} m from {saddle.name}; must be >= {NEAREST:g} m")
     return faults
 
 

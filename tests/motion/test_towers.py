@@ -146,6 +146,10 @@ SECOND = OVER[OVER.index("[[car]]") :].replace('"car"', '"next"').replace("130.0
         (OVER.replace("mass = 1200.0", "mass = 6000.0"), r"car.car.mass = 6000 kg: M g/N = 0.\d+ at the shoe of tower"),
         (OVER.replace("shoe = 5.0", ""), "contact.tower.shoe: missing; must be given where a car passes, here car"),
         (OVER.replace("from = 130.0", "from = 147.0"), "car.car: begins on the shoe of tower; must begin beside it"),
+        (
+            OVER.replace("from = 130.0, to = 170.0", "from = 150.3, to = 170.0").replace("shoe = 5.0", "shoe = 0.2"),
+            "car.car: begins 0.3 m from tower; must be >= 1 m",
+        ),
         (OVER + SECOND, "car.next.travel: on the shoe of tower together with car at t = "),
         (
             OVER + "[car.wheels]\nbase = 2.0\ninertia = 900.0\nbelow = 1.0",
