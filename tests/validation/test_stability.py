@@ -249,13 +249,13 @@ def test_a_map_tells_computed_cells_from_uncomputed_ones(small_atlas_folder, tmp
     folder, _ = small_atlas_folder
     result = json.loads((folder / "atlas.json").read_text())
     found = pages.sections(folder)
-    assert "4 of 4 cells" in found[0].summary
-    assert (result["verdict"], found[-1].verdict) == ("agree", "agree")
+    assert "4 of 4 cells" in found[1].summary
+    assert (result["verdict"], found[0].verdict) == ("agree", "agree")  # the verdict comes first
     write_page("atlas", found, tmp_path / "report.html")
     result["cells"] = result["cells"][:3]
     (tmp_path / "atlas.json").write_text(json.dumps(result))
-    assert "3 of 4 cells" in pages.sections(tmp_path)[0].summary
-    assert "not computed" in pages.sections(tmp_path)[0].html
+    assert "3 of 4 cells" in pages.sections(tmp_path)[1].summary
+    assert "not computed" in pages.sections(tmp_path)[1].html
 
 
 def test_a_remedy_that_does_not_help_makes_the_atlas_red(tmp_path):
