@@ -12,8 +12,8 @@ Dimensionless: l = H = rho = 1.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 from cablefem.newmark import State, System, consistent_acceleration
 from cablefem.scene import Groups
@@ -91,6 +91,13 @@ class RollingCar(System):
     def with_acceleration(self, x: State) -> State:
         """The state with the accelerations that its balance asks for."""
         return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
+
+    def with_law(self, law: str) -> Self:
+        """A copy with another cable law, whose events leave this one as it is."""
+        other: Self = super().with_law(law)  # type: ignore[misc]  # of the class that solves
+        other.mode = replace(self.mode)
+        other._last_event_values = None
+        return other
 
     def reset(self) -> None:
         self.mode = Mode(brakes_reached=sum(position <= self.drive.start for position, _ in self.drive.brakes))

@@ -116,9 +116,6 @@ class GalerkinSystem(System):
         """s_o, ds_o, dds_o of a history, (3, n)."""
         return self.motion.positions_with_rates(states.t, states.phase)
 
-    def states_over_time(self, states: States) -> States:
-        return states
-
     def _instant_at(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
         inertia_terms = self.basis.inertia_terms(s_o, ds_o, dds_o, self.damping)
         tables = self.cable.tables_at(self.basis, s_o)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Self
 
 import numpy as np
 
@@ -71,12 +70,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self._mean_acceleration = NO_ACCELERATION
         window = 0.3  # of an axial round trip: for the mean acceleration of friction
         self._window = window * self.round_trip
-
-    def with_law(self, law: str) -> Self:
-        other = super().with_law(law)
-        other.mode = replace(self.mode)
-        other._last_event_values = None
-        return other
 
     def position(self, x: State) -> float:
         return self._car_kinematics(x)[0]

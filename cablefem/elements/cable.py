@@ -111,9 +111,6 @@ class CableElements(System):
             return super().balance_times(t0, t1, end_weight, phase)
         return self.motion.times_of_mean_positions(t0, t1, end_weight, phase)
 
-    def states_over_time(self, states: States) -> States:
-        return states
-
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self.n_dof)
         self._set_residual_and_tangent(t, phase, np.array([q, v, a]), r, NO_TANGENT)

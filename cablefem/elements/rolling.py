@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,11 +55,6 @@ class RollingElements(RollingCar, FollowingElements):
         self.attach_drive(groups)
         self._air = self.drive.k, self.drive.wind, self.drive.mu_r
         self.n_dof += 1
-
-    def with_law(self, law: str) -> Self:
-        other = super().with_law(law)
-        other.mode = replace(self.mode)
-        return other
 
     def position(self, x: State) -> float:
         return float(x.q[-1]) if self.free else super().position(x)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cablefem.newmark.collocation import Factors, collocate_first_step
 from cablefem.newmark.newton import Newton, StepResult, find_root
-from cablefem.newmark.states import Array, State, Steps
+from cablefem.newmark.states import Array, State, States, Steps
 from cablefem.newmark.tableau import Tableau
 
 Solve = Callable[[Array], Array]
@@ -105,6 +105,10 @@ class System(Protocol):
     def needs_damped_steps(self, x: State, dt: float) -> bool:
         """Whether a jump of force makes x.a valid for less than a step dt; damped steps follow."""
         return False
+
+    def states_over_time(self, states: States) -> States:
+        """The states as functions of time, where the system's own variable may be s_o."""
+        return states
 
     # --- events ------------------------------------------------------------------------------------------
     def begin_step(self, x: State) -> None:

@@ -12,7 +12,7 @@ from cablefem import Line, Scene
 from tests.commands.calls import fault_lines
 from tests.line.lines import THREE, TRAMWAY, car, contact, line
 from validation.commands.check.line import check_line
-from validation.core.readback import line_outcome_faults, line_terminal_faults
+from validation.core.readback import line_terminal_faults, moving_line_outcome_faults
 
 FEW = ("--set", "car.up.at=[50,300,698,704]", "--set", "car.down.at=[488,702,900,1142]")
 
@@ -229,10 +229,10 @@ def test_what_is_printed_of_a_line_is_read_back(cablefem, tmp_path, kind):
 def test_another_outcome_of_a_motion_is_seen(cablefem, tmp_path, right, wrong):
     assert cablefem("run", "counterweight")[0] == 0
     folder = tmp_path / "cablefem-out" / "counterweight" / "motion-run"
-    assert list(line_outcome_faults(folder)) == []
+    assert list(moving_line_outcome_faults(folder)) == []
     file = folder / "summary.json"
     file.write_text(file.read_text().replace(right, wrong))
-    assert len(list(line_outcome_faults(folder))) == 1
+    assert len(list(moving_line_outcome_faults(folder))) == 1
 
 
 def test_what_is_hit_in_motion_is_read_back_without_false_alarm(cablefem, tmp_path):

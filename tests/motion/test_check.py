@@ -19,7 +19,7 @@ from validation.core import motion_laws
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_laws import faults_of_line_files
 from validation.core.motion_rows import LineTolerance
-from validation.core.readback import line_outcome_faults
+from validation.core.readback import moving_line_outcome_faults
 from validation.page.motion import motion_sections
 
 EVERYTHING = """
@@ -461,7 +461,7 @@ def test_the_outcome_of_a_rider_on_a_line_is_of_the_kind_it_has_on_one_span(driv
     answers = answer_line(line)
     assert answers.outcome.kind == kind
     answers.write(tmp_path, 1.0)
-    assert list(line_outcome_faults(tmp_path)) == []
+    assert list(moving_line_outcome_faults(tmp_path)) == []
 
 
 def test_a_rider_swings_and_comes_to_rest_as_on_one_span():

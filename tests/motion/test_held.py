@@ -21,7 +21,7 @@ from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, events_wit
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_laws import every_nth_step
 from validation.core.motion_rows import LineTolerance, law_row, relative_unbalanced_work
-from validation.core.readback import line_outcome_faults
+from validation.core.readback import moving_line_outcome_faults
 
 ROPE = """
 [cable]
@@ -219,11 +219,11 @@ def test_the_outcome_says_where_a_rider_stays_and_is_read_back(line, ladders, tm
     result = motion_answers(line, *ladders)
     assert result.outcome.sentence.startswith("rear stops at x = 84.5 m after 9.3 s; ahead stops at x = 227.")
     result.write(tmp_path, 0.0)
-    assert list(line_outcome_faults(tmp_path)) == []
+    assert list(moving_line_outcome_faults(tmp_path)) == []
     file = tmp_path / "summary.json"
     summary = json.loads(file.read_text())
     file.write_text(json.dumps(summary | {"outcome": summary["outcome"].replace("x = 84.5", "x = 48.5")}))
-    assert len(list(line_outcome_faults(tmp_path))) == 1
+    assert len(list(moving_line_outcome_faults(tmp_path))) == 1
 
 
 @pytest.mark.parametrize("stop", [None, 21.3])
@@ -237,7 +237,9 @@ def test_a_run_that_ends_before_its_cars_are_at_rest_is_seen(line, ladders, tmp_
     if stop is not None:
         events.append(last | {"t": stop})
     file.write_text(json.dumps(summary | {"events": events}))
-    early = [fault for fault in line_outcome_faults(tmp_path) if "of 30 s, and ahead is not at rest by then" in fault]
+    early = [
+        fault for fault in moving_line_outcome_faults(tmp_path) if "of 30 s, and ahead is not at rest by then" in fault
+    ]
     assert len(early) == 1
 
 

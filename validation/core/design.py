@@ -25,7 +25,7 @@ from validation.core.ladder import Ladder, bars_of_at_least_gap, max_distance
 from validation.core.measures import (
     last_time_valid_in_all,
     position_where_mass_outruns_waves,
-    slack_onset_where_answers_hold,
+    slack_onset_before_far_support,
     time_means_between,
     time_span_for_extremes,
 )
@@ -58,7 +58,7 @@ class DesignQuantity:
         return self.name in DEPTHS
 
     @property
-    def anywhere(self) -> bool:
+    def is_clearance(self) -> bool:
         """Whether it is taken up to the end of the run, with gaps between its samples."""
         return self.name.startswith("clearance_")
 
@@ -318,7 +318,7 @@ def signals_over_common_time(r: Response, other: Response | None = None) -> dict
     for quantity in design_quantities(_scene_of_toml(r.scene_toml)):
         name = quantity.name
         follows_force = unit_of(name) in ("N", "deg", "Pa", "m/s2") or name == "tension_over_wheel_min"
-        times = until_valid if quantity.anywhere else time_span
+        times = until_valid if quantity.is_clearance else time_span
         signals[name] = Signal(quantity, times, round_trip if follows_force else 0.0)
     return signals
 
@@ -356,7 +356,7 @@ def _number_of_extreme(signal: Signal, r: Response, ladder: Ladder | None) -> Nu
     unit = unit_of(quantity)
     extreme = signal.extreme(r)
     if extreme is None:
-        return _design_row(quantity, None, math.inf, unit) if signal.quantity.anywhere else None
+        return _design_row(quantity, None, math.inf, unit) if signal.quantity.is_clearance else None
     if signal.quantity.inner and _is_at_boundary(extreme, r, signal.time_span):
         return None
     bar = math.inf
@@ -448,7 +448,7 @@ class Signal:
         s = track.s[has_value]
         rows = is_within(t, *self.time_span)
         inside = t[rows]
-        if self.quantity.anywhere or inside.size == 0:
+        if self.quantity.is_clearance or inside.size == 0:
             return Track(inside, value[rows], s[rows])
         ends = np.clip(self.time_span, t[0], t[-1])
         distinct = np.abs(ends - inside[[0, -1]]) > ROUNDING * self.time_span[1]
@@ -500,7 +500,7 @@ def _is_at_boundary(extreme: _Extreme, r: Response, time_span: tuple[float, floa
 
 def _slack_onset_number(r: Response, other: Response | None, ladder: Ladder | None) -> Number | None:
     """Where slack begins, if before waves are slower than the mass in either run: no bar holds from there on."""
-    onset = slack_onset_where_answers_hold(r)
+    onset = slack_onset_before_far_support(r)
     if math.isinf(onset) or onset > min(position_where_mass_outruns_waves(x) for x in (r, other or r)):
         return None
 

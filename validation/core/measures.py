@@ -116,7 +116,7 @@ def time_span_for_extremes(r: Response, other: Response | None) -> tuple[float, 
     return begin, min(end, high)
 
 
-def slack_onset_where_answers_hold(r: MassPath) -> float:
+def slack_onset_before_far_support(r: MassPath) -> float:
     """s_o/l from which the cable is slack, of a prescribed travel before `SLACK_END`; infinite: nowhere.
 
     Next to the far support no run converges, and one that grows there beyond all bounds looks slack.

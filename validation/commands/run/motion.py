@@ -35,8 +35,8 @@ from validation.core.motion_rows import (
 from validation.core.readback import (
     limit_faults,
     limit_table_faults,
-    line_outcome_faults,
     motion_design_table_faults,
+    moving_line_outcome_faults,
     rope_csv_and_side_view_faults,
 )
 from validation.core.sidebyside import Progress, map_in_parallel, no_progress
@@ -598,7 +598,7 @@ class MotionAnswers(LineAnswers):
         out += limit_table_faults(html, self.limits)
         out += motion_design_table_faults(html, self.design)
         out += rope_csv_and_side_view_faults(html, folder, self.motion)
-        out += line_outcome_faults(folder)
+        out += moving_line_outcome_faults(folder)
         return out
 
     def print_answer(self, seconds: float) -> None:

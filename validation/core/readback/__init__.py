@@ -7,7 +7,7 @@ A table or printed text without a reader is noted: a test fails then.
 from validation.core.readback.files import FILES, file_limit_and_verification_faults, path_csv_columns
 from validation.core.readback.find import find_faults
 from validation.core.readback.limits import limit_faults, limit_table_faults
-from validation.core.readback.lines import line_outcome_faults, line_terminal_faults
+from validation.core.readback.lines import line_terminal_faults, moving_line_outcome_faults
 from validation.core.readback.pages import page_faults
 from validation.core.readback.side_view import rope_csv_and_side_view_faults
 from validation.core.readback.stored import StoredResults
@@ -23,9 +23,9 @@ __all__ = [
     "find_faults",
     "limit_faults",
     "limit_table_faults",
-    "line_outcome_faults",
     "line_terminal_faults",
     "motion_design_table_faults",
+    "moving_line_outcome_faults",
     "page_faults",
     "path_csv_columns",
     "plain_text",

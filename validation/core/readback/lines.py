@@ -100,7 +100,7 @@ def _agreement_count_sentences(judged: Sequence[Row]) -> Iterator[str]:
 
 
 @damaged_files_are_faults
-def line_outcome_faults(folder: Path) -> Faults:
+def moving_line_outcome_faults(folder: Path) -> Faults:
     """Faults of the outcome of a line in motion: its kind, where the cars end, what is hit, the largest tension."""
     summary = read_json(folder / "summary.json")
     scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
