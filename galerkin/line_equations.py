@@ -55,7 +55,7 @@ class LineEquations:
         next_s = np.roll(layout.s, -1)
         at = {"x": x, "y": y, "t": t, "u": u, "v": v, "s": layout.s, "S": next_s, "F": layout.F}
         of_bodies = [at[name][k] for k, body in enumerate(bodies) for name in body.unknown]
-        # coordinates of the unknowns; the rows of the last ones are set by `CarOffRope`
+        # coordinates of the unknowns; the rows of the last ones are set by `CarOnShoeOffRope`
         self.free = np.array([*layout.shapes, *of_bodies, *layout.angle_off_rope.values()])
         self.forces = np.isin(self.free, layout.F)
         self.size = self.free.size

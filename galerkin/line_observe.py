@@ -19,7 +19,7 @@ from galerkin.kernels import LineValues
 from galerkin.segments import Layout
 
 if TYPE_CHECKING:
-    from galerkin.line_off_rope import CarOffRope
+    from galerkin.line_off_rope import CarOnShoeOffRope
     from galerkin.lines import LineSines
 
 
@@ -95,7 +95,7 @@ def _rope_history(system: LineSines, states: Sequence[State], s: Array) -> RopeH
     return RopeHistory(contact_values, positions, points, tension, energies)
 
 
-def _contact_state_off_rope(system: LineSines, car: CarOffRope, states: Sequence[State]) -> ContactState:
+def _contact_state_off_rope(system: LineSines, car: CarOnShoeOffRope, states: Sequence[State]) -> ContactState:
     """What acts on a car off the rope at all states."""
     t, q, v, a, phases = stack_states(states)
     values = np.empty((t.size, 1, ContactState.size))
@@ -107,7 +107,11 @@ def _contact_state_off_rope(system: LineSines, car: CarOffRope, states: Sequence
 
 
 def _motion_and_powers_off_rope(
-    line: MovingLine, car: CarOffRope, states: Sequence[State], at: ContactState, contacts: tuple[ContactMotion, ...]
+    line: MovingLine,
+    car: CarOnShoeOffRope,
+    states: Sequence[State],
+    at: ContactState,
+    contacts: tuple[ContactMotion, ...],
 ) -> tuple[CarMotion, dict[str, Array]]:
     """Motion and powers of a car off the rope, from what acts on it at all states."""
     body = car.body

@@ -11,7 +11,7 @@ from galerkin.bodies import ContactState, PointCar, dot
 from galerkin.segments import Layout
 
 
-class CarOffRope:
+class CarOnShoeOffRope:
     """A car off the rope, and its part in the rows of a line."""
 
     def __init__(self, line: MovingLine, car: Car, layout: Layout, saddle: int, rows: dict[int, int]) -> None:

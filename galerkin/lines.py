@@ -27,7 +27,7 @@ from galerkin.bodies import CarBody, Friction, Saddle
 from galerkin.kernels import LineValues
 from galerkin.line_equations import LineEquations, body_at_contact
 from galerkin.line_observe import observe
-from galerkin.line_off_rope import CarOffRope
+from galerkin.line_off_rope import CarOnShoeOffRope
 from galerkin.line_rest import chord_lengths, coordinates_at_rest
 from galerkin.segments import Layout
 
@@ -68,7 +68,7 @@ class LineSines(LineInMotion):
         self._fixed_coordinates = self._coordinates_of_supports()
         self._prescribed = lru_cache(CACHED_INSTANTS)(self._compute_prescribed)
 
-    def _cars_off_rope(self) -> dict[str, CarOffRope]:
+    def _cars_off_rope(self) -> dict[str, CarOnShoeOffRope]:
         """Cars off the rope by name."""
         contacts = {contact.name: k for k, contact in enumerate(self.line.contacts_and_wheels)}
         rows = {coordinate: row for row, coordinate in enumerate(self.equations.free.tolist())}
@@ -76,7 +76,7 @@ class LineSines(LineInMotion):
         for car in self.line.cars_off_rope:
             if car.rail is not None:
                 saddle = contacts[car.rail.saddle]
-                cars[car.name] = CarOffRope(self.line, car, self.layout, saddle, rows)
+                cars[car.name] = CarOnShoeOffRope(self.line, car, self.layout, saddle, rows)
         return cars
 
     # --- coordinates -------------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.off_rope import CarOffRope
+from cablefem.elements.off_rope import CarOnShoeOffRope
 from cablefem.elements.segments import Motion, Segments
 from cablefem.elements.trolley import Slots, Trolley
 from cablefem.newmark import Array, System
@@ -98,11 +98,11 @@ class LineCoordinates(System):
             if car.rail is not None:
                 self.rails.append((int(self.xy[k, 0]), car.rail))
         saddles = {self.line.contacts_and_wheels[k].name: int(self.s[k]) for k in self.support_contacts}  # slots of s
-        self.off_rope: dict[str, CarOffRope] = {}
+        self.off_rope: dict[str, CarOnShoeOffRope] = {}
         for car in self.line.cars_off_rope:
             if car.rail is not None:
                 saddle = saddles[car.rail.saddle]
-                self.off_rope[car.name] = CarOffRope(self.line, car, saddle, self.swing_off_rope.get(car.name))
+                self.off_rope[car.name] = CarOnShoeOffRope(self.line, car, saddle, self.swing_off_rope.get(car.name))
         self.acting_off_rope = [car for car in self.off_rope.values() if car.acts_in_rows]
 
     def slot_set_by_travel(self, i: int) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cablefem.elements.bodies import CarLoadsAndMasses, ForcesOnCars, counterweight_row, forces_on_cars
 from cablefem.elements.line_coordinates import Coordinates, Mask
-from cablefem.elements.off_rope import CarOffRope
+from cablefem.elements.off_rope import CarOnShoeOffRope
 from cablefem.elements.segments import Motion, dot
 from cablefem.elements.trolley import Trolley
 from cablefem.line_in_motion import positions_between_jumps
@@ -315,7 +315,7 @@ def _powers_of_drive(car: Car, powers: Powers) -> Powers:
     return {force: powers[force] for force in FORCES_OF_DRIVE[car.drive.mode] if force in powers}
 
 
-def _state_off_rope(x: _History, off_rope: CarOffRope) -> OffRopeState:
+def _state_off_rope(x: _History, off_rope: CarOnShoeOffRope) -> OffRopeState:
     """A car off the rope at all states."""
     car = off_rope.car
     z = np.array(x.coordinates)

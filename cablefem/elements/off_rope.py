@@ -11,7 +11,7 @@ from cablefem.newmark import Array
 from cablefem.scene.contacts import Car, MovingLine
 
 
-class CarOffRope:
+class CarOnShoeOffRope:
     """Its grip acts on the row of s of its saddle; the angle phi of its cabin is an unknown.
 
     saddle : slot of s there;  swing : slot of phi, None without a cabin.
