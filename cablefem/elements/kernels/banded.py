@@ -103,13 +103,13 @@ def dot(a: Array, b: Array) -> float:
 
 
 @inner
-def set_banded_product(operator: Array, n_fields: int, rows: tuple[int, int], x: Array, y: Array) -> None:
-    """Set y = A x in the rows (from, to), and 0 elsewhere; operator : (2 b + 1, n) diagonals of A."""
+def set_banded_product(operator: Array, rows: tuple[int, int], x: Array, y: Array) -> None:
+    """Set y = A x in the rows (from, to), and 0 elsewhere; operator : (2 b + 1, n), every second diagonal of A."""
     half = operator.shape[0] // 2
     n = operator.shape[1]
     y[:] = 0.0
     for d in range(operator.shape[0]):
-        away = n_fields * (d - half)
+        away = 2 * (d - half)  # fields in turn
         first = max(rows[0], -away)
         last = min(rows[1], n - away)
         of = operator[d, first:last]

@@ -248,7 +248,7 @@ def add_cable_inertia_to_car_row(
     node : number of the first unknown at the car.
     """
     operators = cable.operators
-    n = cable.operators.shape[2]
+    n = operators.shape[2]
     c_d = cable.damping
     ds = forces.ds
     dds = forces.dds + c_d * forces.ds
@@ -283,10 +283,10 @@ def add_cable_inertia_to_car_row(
         G = operators[2 + side]
         GT = operators[4 + side]
         H = operators[6 + side]
-        set_banded_product(M, 2, rows, v, Mv)
-        set_banded_product(G, 2, rows, q, Gq)
-        set_banded_product(G, 2, rows, v, Gv)
-        set_banded_product(H, 2, rows, q, Hq)
+        set_banded_product(M, rows, v, Mv)
+        set_banded_product(G, rows, q, Gq)
+        set_banded_product(G, rows, v, Gv)
+        set_banded_product(H, rows, q, Hq)
         for i in range(rows[0], rows[1]):
             of_H = (speed_up - 0.5 * sign * flow * flow) * q[i] + 2.0 * flow * v[i]
             terms[i] = of_H * Hq[i] - 0.5 * sign * v[i] * Mv[i] - a[i] * Gq[i] - v[i] * Gv[i]
@@ -294,10 +294,10 @@ def add_cable_inertia_to_car_row(
             total += terms[i]
         if not is_tangent_required(factors):
             continue
-        set_banded_product(M, 2, rows, a, Ma)
-        set_banded_product(GT, 2, rows, v, GTv)
-        set_banded_product(GT, 2, rows, a, GTa)
-        set_banded_product(H, 2, rows, v, Hv)
+        set_banded_product(M, rows, a, Ma)
+        set_banded_product(GT, rows, v, GTv)
+        set_banded_product(GT, rows, a, GTa)
+        set_banded_product(H, rows, v, Hv)
         qHq = dot(Hq, q)
         qHv = dot(Hq, v)
         corner += c0 * (flow * flow / h * qHq - sign / h * (speed_up * qHq + 2.0 * flow * qHv))
