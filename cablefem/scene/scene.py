@@ -112,9 +112,9 @@ class Scene(Described):
         faults += missing_wire_faults(self.cable.wire, None if self.mass is None else self.mass.wheels)
         if hanging := no_catenary_fault(*hung):
             return [*faults, hanging]
-        return [*faults, *filter(None, self._faults_on_hanging_cable(self.drive or Driving()))]
+        return [*faults, *filter(None, self._stretch_damping_and_ride_faults(self.drive or Driving()))]
 
-    def _faults_on_hanging_cable(self, drive: Driving) -> list[str]:
+    def _stretch_damping_and_ride_faults(self, drive: Driving) -> list[str]:
         """Faults of stretch, damping, travel and drive on a cable that hangs; "" where there is none."""
         faults = [
             stretch_fault(self.gravity, self.cable, self.supports),

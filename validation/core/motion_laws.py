@@ -310,7 +310,7 @@ def body_moment_defects_by_window(x: SampledMotion, end: float) -> Array:
     return np.array(defects)
 
 
-def body_kink_force_defects_by_window(x: SampledMotion, end: float) -> Array:
+def turning_body_force_defects_by_window(x: SampledMotion, end: float) -> Array:
     """Defects of the forces of cabins and wheels on the rope, by its tensions and slopes there, over the weight."""
     defects = []
     for body in x.bodies:
@@ -457,7 +457,7 @@ def laws_that_apply(line: LineTables, motions: Sequence[Any]) -> dict[str, Law]:
     laws: dict[str, Law] = {"momentum of rope and cars": momentum_defects_by_window, "energy and work": energy_defects}
     if any(car.turning is not None for car in motions[0].cars):
         laws["moment of momentum of bodies"] = body_moment_defects_by_window
-        laws["forces on kinks of the rope"] = body_kink_force_defects_by_window
+        laws["forces on kinks of the rope"] = turning_body_force_defects_by_window
         laws["centres of mass"] = centre_of_mass_defects
     if line.counterweights:
         laws["motion of the counterweight"] = counterweight_defects_by_window
