@@ -102,6 +102,11 @@ def test_keys_are_a_quantity_each_and_other_choices_are_the_bar():
     assert (q["converged"], q["uncertainty"]) == (6.0, 1.0)
 
 
+def test_a_turn_that_a_run_lacks_is_none_in_a_sentence():
+    assert judged.render_sentence("at {{ x|d(3) }}", {"x": None}) == "at none"
+    assert judged.render_sentence("at {{ x|d(3) }}", {"x": math.nan}) == "at none"
+
+
 def test_a_sentence_that_asks_for_an_unknown_number_is_an_error():
     with pytest.raises(jinja2.UndefinedError, match="linaer"):
         judged.render_sentence("it gives {{ linaer|d(3) }}", {"linear": 5.3})

@@ -154,8 +154,9 @@ def plain_decimal_text(x: float) -> str:
     return f"{x:.9f}".rstrip("0").rstrip(".")
 
 
-def fixed_decimals(x: float, decimals: int = 0, factor: float = 1.0) -> str:
-    return f"{float(factor * x):.{decimals}f}"
+def fixed_decimals(x: float | None, decimals: int = 0, factor: float = 1.0) -> str:
+    """The number, or "none": a run past slack may lack the turn that is asked for."""
+    return "none" if x is None or math.isnan(x) else f"{float(factor * x):.{decimals}f}"
 
 
 def power_of_ten_text(x: float) -> str:
