@@ -20,7 +20,7 @@ from validation.commands.check.motion import check_line, compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, events_without_rattling, motion_answers
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_laws import every_nth_step
-from validation.core.motion_rows import LineTolerance, law_row, relative_unbalanced_work
+from validation.core.motion_rows import LineRun, LineTolerance, law_row, relative_unbalanced_work
 from validation.core.readback import moving_line_outcome_faults
 
 ROPE = """
@@ -173,6 +173,43 @@ def test_a_law_is_no_surer_than_its_sampling_where_the_largest_defect_happens_to
 
     row = law_row(ladder, "laws_si", "waves", defect, t[-1])
     assert row.bound.parts[1].value == pytest.approx(2.0 * row.gap)
+
+
+@pytest.mark.parametrize(
+    ("event", "until"),
+    [("rider reaches right", 2.97), ("rider meets other", 1.98), ("rider stops", 3.0), (None, 3.0)],
+)
+def test_what_a_car_runs_into_is_compared_until_a_hundredth_of_the_span_is_left(event, until):
+    """Waves between them get shorter than any step."""
+    t = np.linspace(0.0, 3.0, 301)
+    bodies = {"rider": 100.0 * t, "other": 400.0 - 100.0 * t, "left": 0.0 * t, "right": 300.0 + 0.0 * t}
+    named = [SimpleNamespace(name=name, s=s) for name, s in bodies.items()]
+    last = t <= (2.0 if event == "rider meets other" else 3.0)
+    for body in named:
+        body.s = body.s[last]
+    run = LineRun(
+        method="", settings={}, motion=SimpleNamespace(t=t[last], cars=named[:2], contacts=named[2:]),
+        events=((event, t[last][-1]),) if event else (), reason=None, period=0.1, instants=t, n_dof=1, work=Work(),
+        seconds=0.0,
+    )  # fmt: skip
+    assert run.comparable_until == pytest.approx(until, abs=0.011)  # a step
+
+
+def test_a_defect_counts_up_to_the_end_of_what_is_compared(ladders):
+    t = ladders[0].finest.motion.t
+
+    def row(when):
+        jump = np.where(t > when, 0.01, 0.0)
+        return law_row(
+            ladders[0],
+            "laws_si",
+            "jump",
+            lambda run, every=1: jump[every_nth_step(t, every)][: run.motion.t.size],
+            10.0,
+        )
+
+    assert row(10.0).gap == 0.0
+    assert row(9.0).gap == 0.01
 
 
 def test_energy_of_a_ride_without_friction_and_drag_is_over_what_it_takes_from_its_weight():
