@@ -59,7 +59,8 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     start_x = {car.name: empty.x_of_position(car, _start_position(car)) for car in cars}
     saddles_by_car = {car.name: _saddles_passed(car, contacts, empty) for car in cars}
     faults += [*_order_faults(cars, start_x), *_unpassable_saddle_faults(cars, saddles_by_car, start_x)]
-    _raise_if_any(line, faults or _saddle_at_start_faults(contacts[1:-1], start_x))
+    _raise_if_any(line, faults)
+    _raise_if_any(line, _saddle_at_start_faults(contacts[1:-1], start_x))
     x = {c.name: c.point[0] for c in contacts} | start_x
     everything: list[Contact | Car] = [*contacts, *cars]
     everything.sort(key=lambda c: x[c.name])

@@ -8,6 +8,7 @@ mass.mass=+1%             relative to the scene's
 """
 
 import itertools
+import math
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -62,15 +63,19 @@ def grid_points(pairs: Sequence[str], cases: Sequence[str] = ()) -> list[dict[st
     axes = [parse_key_and_values(pair) for pair in pairs]
     if cases:
         axes.insert(0, ("case", [name.strip() for name in ",".join(cases).split(",")]))
-    axes = [(key, [x for i, x in enumerate(values) if x not in values[:i]]) for key, values in axes]
     keys = [key for key, _ in axes]
     if twice := {key for key in keys if keys.count(key) > 1}:
         raise ValueError(f"--set {sorted(twice)[0]}: given twice; several values go in one, separated by commas")
-    count = int(np.prod([len(values) for _, values in axes], dtype=float))
+    values_by_axis = [_without_repeats(values) for _, values in axes]
+    count = math.prod(map(len, values_by_axis))
     most = 10_000  # larger ones are sweeps
     if count > most:
         raise ValueError(f"--set makes {count} points; must be at most {most} (larger grids: cablefem sweep)")
-    return [dict(zip(keys, row, strict=True)) for row in itertools.product(*(values for _, values in axes))]
+    return [dict(zip(keys, row, strict=True)) for row in itertools.product(*values_by_axis)]
+
+
+def _without_repeats(values: Sequence[Any]) -> list[Any]:
+    return [x for i, x in enumerate(values) if x not in values[:i]]
 
 
 def split_scene_and_method_settings(point: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
