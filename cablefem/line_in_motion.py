@@ -160,7 +160,7 @@ class LineInMotion(MarchingSystem):
         return self.line.time_at_rest(float(max(self.held_since[i] for i in self.free_cars)), phase)
 
     def hold_until_released(self, x: State) -> State:
-        """The first state, where friction holds free cars as long as they are not released."""
+        """The first state: friction holds each car with friction or brakes whose release takes time, or it slips."""
         for i in self.stops:
             if self.car_by_number[i].drive.release > 0.0:
                 x = self._stop_or_slip_on(i, x)

@@ -222,7 +222,7 @@ def _guess_contact_x(system: LineBalance, q: Array) -> Array:
 
 
 def _clipped_and_sorted_cars(system: LineBalance, x: Array) -> Array:
-    """x with the cars evenly ordered within their span, where they are not."""
+    """x with the cars clipped to their span and sorted, a little apart."""
     out = x.copy()
     for i, j in itertools.pairwise(system.support_contacts):
         margin = 1e-3 * (x[j] - x[i])

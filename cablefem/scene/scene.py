@@ -181,8 +181,11 @@ class Scene(Described):
             scene = scene._cold_with_shape(sag=sag_ratio * scene.supports.span)
         if alpha is not None:
             cable = scene.cable
-            EA = alpha * scene.horizontal_tension
-            fields["cable"] = cable.model_copy(update={"EA": EA, "section": cable.E and EA / cable.E})
+            changes = {"EA": alpha * scene.horizontal_tension}
+            if cable.E is not None:
+                section = changes["EA"] / cable.E
+                changes = {"section": section, "EA": cable.E * section}  # to rounding, so that it follows both
+            fields["cable"] = cable.model_copy(update=changes)
         if mu is not None:
             mass = mu * scene.rho * scene.length
             fields["mass"] = Mass(mass=mass) if scene.mass is None else scene.mass.model_copy(update={"mass": mass})

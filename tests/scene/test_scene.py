@@ -157,6 +157,14 @@ def test_variant_changes_what_it_names_and_keeps_the_rest_in_si():
         scene.variant(alpha=-3.0)
 
 
+def test_a_section_of_a_scene_with_another_alpha_may_be_changed():
+    scene = Scene.load("tramway")
+    of_wires = scene.replace({"cable.E": 1.6e11, "cable.section": scene.cable.EA / 1.6e11})
+    for alpha in np.linspace(400.0, 900.0, 40):
+        cable = of_wires.variant(alpha=alpha).replace({"cable.section": 1e-3}).cable
+        assert pytest.approx(1.6e8) == cable.EA
+
+
 def test_groups_are_computed_once_and_a_scene_is_frozen():
     scene = Scene.load("inclined")
     assert scene.groups is scene.groups

@@ -34,6 +34,7 @@ def test_what_is_no_value_is_said(pair):
 def test_several_keys_make_a_grid():
     points = grid.grid_points(["mass.mass=40,60,40", "drive.wind=-8,0"])
     assert [tuple(p.values()) for p in points] == [(40, -8), (40, 0), (60, -8), (60, 0)]
+    assert len(grid.grid_points(["x=1,1.0,true"])) == 2
     with pytest.raises(ValueError, match="given twice"):
         grid.grid_points(["mass.mass=1", "mass.mass=2"])
     with pytest.raises(ValueError, match="at most"):

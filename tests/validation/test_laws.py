@@ -260,6 +260,13 @@ def test_events_that_are_told_elsewhere_and_a_stop_of_a_car_that_rolls_are_seen(
             assert gap_with_events([*r.events[:i], wrong, *r.events[i + 1 :]]) > 100.0 * right, (event, name)
 
 
+def test_brakes_that_begin_at_one_place_are_one_event():
+    both = "brake = [{from = 25.0, force = 40.0}, {from = 25.0, force = 60.0}]\n"
+    r = run(Scene.from_toml(ZIP + both), "following-p2", **RODE)
+    assert [event["event"] for event in r.events].count("brake") == 1
+    assert row_by_law(ladder_without_coarser_runs(r))["drive"].gap < 1e-9
+
+
 def test_a_turn_or_a_stop_that_is_told_late_is_seen():
     """A car on a level rope swings through the valley until friction holds it."""
     valley = ZIP.replace("drop = 15.0", "drop = 0.0") + "rolling_friction = 0.02\n"

@@ -75,7 +75,8 @@ def grid_points(pairs: Sequence[str], cases: Sequence[str] = ()) -> list[dict[st
 
 
 def _without_repeats(values: Sequence[Any]) -> list[Any]:
-    return [x for i, x in enumerate(values) if x not in values[:i]]
+    typed = [(isinstance(x, bool), x) for x in values]  # True is 1
+    return [x for i, x in enumerate(values) if typed[i] not in typed[:i]]
 
 
 def split_scene_and_method_settings(point: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

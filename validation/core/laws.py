@@ -417,7 +417,7 @@ def _event_gaps(evidence: Evidence) -> list[float]:
 def _gaps_of_passed_events(evidence: Evidence) -> list[float]:
     """How many events of each kind the run lacks, or has too many, by its path and the TOML.
 
-    Brakes count each time the car rolls on to them. Of turns see `_turn_gaps`.
+    Brakes that begin at one place count once, each time the car rolls on to them. Of turns see `_turn_gaps`.
     """
     r = evidence.r
     drive = evidence.data.drive
@@ -427,8 +427,8 @@ def _gaps_of_passed_events(evidence: Evidence) -> list[float]:
     if r.drive == "free":
         expected["arrival"] = int(r.s_o[-1] >= evidence.timetable.arrival_position - near)
     expected["brake"] = 0
-    for brake in drive.get("brake", []):
-        beyond = r.s_o - brake["from"]
+    for place in {brake["from"] for brake in drive.get("brake", [])}:
+        beyond = r.s_o - place
         sides = np.sign(beyond[np.abs(beyond) > near])
         expected["brake"] += int(np.count_nonzero(np.diff(sides) > 0.0))
     events = [event["event"] for event in r.events]

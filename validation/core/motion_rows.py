@@ -190,7 +190,7 @@ class LineComparison:
         first = self.a.finest
         min_instants = 3
         if np.count_nonzero(first.instants <= self.end) < min_instants:
-            bound = no_bound(f"a run ends at {self.end:.4g} s")
+            bound = no_bound(f"runs are comparable until {self.end:.4g} s alone")
             yield Agreement("path_max", math.nan, bound, required=self.tolerance.path)
             return
         for car in first.motion.cars:

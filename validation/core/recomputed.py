@@ -169,9 +169,11 @@ class RecomputedNumbers:
         0 of what has no signal of its own, as the top speed of a timetable.
         """
         kind = row["quantity"]
-        means = self._means_of_signals(kind, averaged=True)
         of_timetable = kind == "speed_max" and self.r.drive != "free"
-        if not means or of_timetable or row.get("t") is None:
+        if of_timetable or row.get("t") is None:
+            return 0.0
+        means = self._means_of_signals(kind, averaged=True)
+        if not means:
             return 0.0
         r = self.r
         near = ROUNDING * r.length

@@ -20,7 +20,7 @@ from validation.commands.run.motion import (
     motion_answers,
     run_ladders,
 )
-from validation.core import motion_laws, store
+from validation.core import motion_laws, refine, store
 from validation.core.agreement import DEFAULT_TOL, FORCES, Agreement, Verdict, worst_deciding_verdict
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import (
@@ -90,7 +90,6 @@ def check_line(
     both = first, LineRuns(SINES, second or line, first)
     space = 2
     time = 2
-    finest = 64  # times the coarsest resolution and steps together, before a comparison stays too coarse
     before = None
     while True:
         run_ladders(both, space, time, report)
@@ -98,10 +97,20 @@ def check_line(
         rows = compare_and_check_laws(line, a, b, asked)
         verdict = worst_deciding_verdict(rows)
         again = verdict is before is Verdict.DISAGREE
-        if verdict is Verdict.AGREE or again or space * time >= finest:
+        if verdict is Verdict.AGREE or again or not _may_be_refined(space * time, (a.finest, b.finest)):
             return motion_answers(line, a, b, rows)
         before = verdict
         space, time = _doubled_where_coarse(space, time, rows)
+
+
+def _may_be_refined(refinement: int, finest: Sequence[LineRun]) -> bool:
+    """Whether twice as fine runs may follow, or a comparison stays too coarse.
+
+    refinement : times the coarsest resolution and steps together.
+    """
+    enough = 64
+    cheap = refine.BUDGET / 2.0  # unknowns times Newton iterations
+    return refinement < enough or all(run.n_dof * run.work.newton_iterations <= cheap for run in finest)
 
 
 def _doubled_where_coarse(space: int, time: int, rows: Sequence[Agreement]) -> tuple[int, int]:

@@ -291,7 +291,7 @@ class _Search:
         answers = [answer for value in ends for answer in self.answers_at(value)]
         if all(answer.kind == FAILED for answer in answers):
             fault = answers[0].sentence
-            raise Refused(fault if fault.startswith(self.key) else f"{self.key}: {fault}")
+            raise Refused(fault if fault.startswith((f"{self.key} ", f"{self.key}:")) else f"{self.key}: {fault}")
         refuse_uncheckable_clauses(self.clauses, answers, () if isinstance(self.scene, Line) else EVENT_NAMES)
 
     def margins_at(self, value: float) -> list[float]:

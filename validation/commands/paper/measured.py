@@ -132,7 +132,9 @@ def tension_unevenness(r: Response, *, by_side: bool = False, min_distance_from_
     return np.sqrt(out)
 
 
-def tension_ripple_over_H(r: Response, *, min_distance_from_mass: float = 0.2, max_distance: float = 1.0) -> float:
+def tension_ripple_over_H(
+    r: Response, *, min_distance_from_mass: float = 0.2, max_distance_from_mass: float = 1.0
+) -> float:
     """Rms of T less its running mean over a tenth of the cable on one side, over H; distances from the mass, over l."""
     s = r.fields.s / r.length
     half = round(0.05 * (s.size - 1))
@@ -144,7 +146,7 @@ def tension_ripple_over_H(r: Response, *, min_distance_from_mass: float = 0.2, m
                 T = row[side]
                 ripple = (T - uniform_filter1d(T, 2 * half + 1))[inner]
                 distance = np.abs(s[side] - s_o)[inner]
-                parts.append(ripple[(distance >= min_distance_from_mass) & (distance <= max_distance)])
+                parts.append(ripple[(distance >= min_distance_from_mass) & (distance <= max_distance_from_mass)])
     rms = np.sqrt(np.mean(np.concatenate(parts) ** 2))
     return float(rms / r.horizontal_tension)
 

@@ -60,7 +60,7 @@ def sections(folder: Path) -> list[Section]:
 
 def _words_of_ends(rows: DataFrame) -> Any:
     """What becomes of the car of each scene in words, and whether something is in its way; none of a scene without."""
-    hits = rows["outcome"].fillna("").str.contains("would hit ")
+    hits = rows["outcome"].astype(object).fillna("").str.contains("would hit ")
     return np.where(hits, "would hit; ", "") + rows["outcome_kind"].map(ENDS)
 
 
