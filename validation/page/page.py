@@ -35,7 +35,7 @@ def worst_verdict(rows: Iterable[Row]) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """One part of a report."""
+    """One part of a report; ValueError for an unknown verdict."""
 
     id: str  # anchor, unique in a report; begins with the study's name
     title: str
@@ -45,6 +45,10 @@ class Section:
     scripts: tuple[str, ...] = ()  # files of assets/
     command: str = ""  # that drew it
 
+    def __post_init__(self) -> None:
+        if self.verdict and self.verdict not in VERDICTS:
+            raise ValueError(f"verdict = {self.verdict!r}: must be one of {', '.join(VERDICTS)}")
+
 
 def write_page(title: str, sections: Sequence[Section], out_file: Path) -> None:
     """Write the report atomically; the contents list the worst verdicts first.
@@ -52,7 +56,7 @@ def write_page(title: str, sections: Sequence[Section], out_file: Path) -> None:
     Of several commands only the first one's sections are unfolded there.
     """
     judged = [s for verdict in VERDICTS for s in sections if s.verdict == verdict]
-    others = [s for s in sections if s not in judged]
+    others = [s for s in sections if not s.verdict]
     scripts = dict.fromkeys(name for s in sections for name in s.scripts)
 
     content: Content = {"title": title, "sections": sections, "judged": judged}
