@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -115,10 +115,14 @@ def commands_write_below(root: Path) -> Iterator[None]:
 
 def section_of_broken_part(part: Part, faults: Sequence[str]) -> Section:
     """The page of a part that ended without a result."""
-    id = f"{_folder_name_of_part(part)}-{part[0]}-broken"
+    id = _id_of_broken_part(_folder_name_of_part(part), part[0])
     title = f"cablefem {' '.join(part)}"
     reason = callout("; ".join(faults), "disagree")
     return Section(id, title, reason, "disagree", "It ended without a result.")
+
+
+def _id_of_broken_part(folder_name: str, command: str) -> str:
+    return f"{folder_name}-{command}-broken"
 
 
 def write_and_print_combined_report(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) -> list[Section]:
@@ -128,7 +132,9 @@ def write_and_print_combined_report(root: Path, parts: Sequence[Part], broken: S
     Return all its sections, in their order.
     """
     pages: dict[str, tuple[list[Section], list[Section]]] = {}  # of each command: first ones, others
-    for command, folder in _finished_results(root, parts):
+    results = _results_these_parts_first(root, parts)
+    finished = [(command, folder) for command, folder in results if store.is_finished(folder, command)]
+    for command, folder in finished:
         for i, s in enumerate(read_stored_sections(folder, command)):
             section = replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
             pages.setdefault(command, ([], []))[min(i, 1)].append(section)
@@ -137,22 +143,25 @@ def write_and_print_combined_report(root: Path, parts: Sequence[Part], broken: S
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.write_page("cablefem", sections, root / "report.html")
+    _print_left_out([result for result in results if result not in finished], {section.id for section in broken})
     print_findings(sections)
     terminal.print_text(f"written to {root}: report.html")
     return sections
 
 
-def _finished_results(root: Path, parts: Sequence[Part]) -> list[tuple[str, Path]]:
-    """Commands with finished results and their folders, these parts first; the others are named in the terminal."""
+def _print_left_out(unfinished: Sequence[tuple[str, Path]], broken_ids: Collection[str]) -> None:
+    """Name results that did not finish; broken_ids : of sections that say so already."""
+    for command, folder in unfinished:
+        if command != "report" and _id_of_broken_part(folder.name, command) not in broken_ids:
+            terminal.print_text(f"{folder} is left out: cablefem {command} did not finish there")
+
+
+def _results_these_parts_first(root: Path, parts: Sequence[Part]) -> list[tuple[str, Path]]:
+    """Commands with results in a folder and its subfolders, finished or not, and their folders."""
     rank = {(part[0], _folder_name_of_part(part)): i for i, part in enumerate(parts)}
-    done = []
-    for folder in [root, *sorted(root.glob("*/"))]:
-        for command in store.commands_on_latest_scene(folder):
-            if store.is_finished(folder, command):
-                done.append((command, folder))
-            elif command != "report":
-                terminal.print_text(f"{folder} is left out: cablefem {command} did not finish there")
-    return sorted(done, key=lambda result: rank.get((result[0], result[1].name), len(rank)))
+    folders = [root, *sorted(root.glob("*/"))]
+    results = [(command, folder) for folder in folders for command in store.commands_on_latest_scene(folder)]
+    return sorted(results, key=lambda result: rank.get((result[0], result[1].name), len(rank)))
 
 
 def _folder_name_of_part(part: Part) -> str:
