@@ -10,6 +10,8 @@ import pytest
 
 from cablefem import Scene
 from tests.commands.calls import BROKEN, fault_lines
+from tests.commands.test_lines import FEW
+from validation.commands.check import selftest
 from validation.core.agreement import no_bound
 from validation.core.flags import with_flag
 from validation.core.methods import CHECKED
@@ -119,9 +121,21 @@ def test_a_check_with_a_run_that_broke_is_2(cablefem, instant_check, level_check
     assert fault_lines(err)[0].startswith("fourier-kink broke with the car at ")
 
 
-@pytest.mark.parametrize(("fault", "code"), [("mass.mass=+0.001%", 0), ("mass.mass=+10%", 1)])
-def test_a_fault_told_to_one_solver_is_seen_if_it_is_larger_than_the_bars(cablefem, fault, code):
-    """One percent, of lines too: in .ci/commands."""
-    found, out, _ = cablefem("check", "inclined", "--tol", "0.1", "--second-set", fault, "--out", "x")
+INCLINED, TWO_SPAN = ("inclined", "--tol", "0.1"), ("two-span", *FEW)
+
+
+@pytest.mark.parametrize(
+    ("scene", "fault", "code", "said"),
+    [
+        (INCLINED, "+0.001%", 1, "fourier-kink is NOT seen"), (TWO_SPAN, "+1e-13%", 1, "elements is NOT seen"),
+        (TWO_SPAN, "+10%", 0, "elements is seen"),
+    ],
+)  # fmt: skip
+def test_the_judge_plants_a_fault_in_itself_and_says_whether_it_is_seen(
+    cablefem, monkeypatch, scene, fault, code, said
+):
+    """One percent is seen on a span, too: in .ci/commands."""
+    monkeypatch.setitem(selftest.FAULT, "mass.mass", fault)
+    found, out, _ = cablefem("check", *scene, "--self-test", "--out", "x")
     assert found == code
-    assert out.startswith("Both solvers agree" if code == 0 else "The solvers DISAGREE")
+    assert f"self-test: 1 % more mass for {said}" in out

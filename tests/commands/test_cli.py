@@ -68,7 +68,7 @@ def test_every_command_has_help_with_an_example_and_says_where_it_writes(cablefe
         ),
         (["run", "level", "--method", "fourier", "--set", "terms"], ["--set must be KEY=VALUE, got 'terms'"]),
         (["run", "level", "--method", "fourier", "--set", "scheme=newmrk"], ["Did you mean newmark?"]),
-        (["run", "level", *QUICK, "--tol", "1e-2"], ["elements and tol exclude each other", "steps and tol exclude"]),
+        (["run", "level", *QUICK, "--tol", "1e-2"], ["--set elements and --tol exclude", "--set steps and --tol"]),
         (["run", "level", "--method", "fixed-p1-naive", "--tol", "1e-2"], ["converges to a wrong answer"]),
         (
             ["run", "levl", "--method", "fourir", "--model", "ful", "--load", "masse", "--law", "x", "--tol", "9"],

@@ -166,6 +166,13 @@ def test_what_moves_is_refused_in_one_line(cablefem, tmp_path, command):
     assert not (tmp_path / "cablefem-out").exists()
 
 
+def test_a_self_test_without_a_car_is_refused(cablefem, tmp_path):
+    (tmp_path / "bare.toml").write_text(line(*[x for x in THREE if "mass" not in x]).to_toml())
+    code, out, err = cablefem("check", "bare.toml", "--self-test")
+    assert (code, out) == (2, "")
+    assert "--self-test: plants its fault in the mass of a car" in err
+
+
 def test_a_rope_of_a_line_measured_in_mm_is_remarked(cablefem):
     line = Line.load("two-span").replace({"cable.diameter": 45.0})
     Path("thick.toml").write_text(line.to_toml())
@@ -185,13 +192,6 @@ def test_check_with_a_fault_told_to_one_solver(cablefem):
     code, out, _ = cablefem("check", "two-span", *FEW, "--second-set", "cable.EA=+0.1%")
     assert code == 1
     assert out.startswith("The solvers DISAGREE")
-
-
-@pytest.mark.parametrize("change", ["car.up.at=[40,300,698,650]", "contact.mountain.kind=spring"])
-def test_another_line_for_one_solver_is_refused(cablefem, change):
-    code, out, err = cablefem("check", "two-span", *FEW, "--second-set", change)
-    assert (code, out) == (2, "")
-    assert fault_lines(err)[0].startswith("--second-set")
 
 
 PRINTED = {"at rest": ("rest", "two-span", *FEW), "in motion": ("motion-run", "counterweight")}
