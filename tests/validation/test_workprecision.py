@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation.commands.chart import front, study
+from validation.commands.chart import cost, front, study
 from validation.commands.chart import page as pages
-from validation.core import measures
+from validation.core import measures, store
 from validation.core.methods import METHODS, find_method
 from validation.core.running import run
 from validation.peers import PEERS, Peer, PeerPath
@@ -47,7 +47,8 @@ def small_chart(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         all_series = study.chart_series
         names = ("following-p2", "fixed-p1-naive", "model string", *PEERS)
-        names = (*names, "following-p2 --tol", "echo")
+        waiting = f"following-p2 --tol{study.FULL_PROGRAM}"
+        names = (*names, "following-p2 --tol", waiting, "echo")
         patch.setattr(study, "PEERS", {"echo": Peer("math", peer_echoing_ours, ({"elements": 6},)), **PEERS})
 
         def few(groups):
@@ -55,7 +56,8 @@ def small_chart(tmp_path_factory):
             yield study.Series("scheme central-difference", "integrator", failing, study.BASE)
             for x in all_series(groups):
                 if x.name in names:
-                    rungs = ({"tol": 0.1},) if x.kind == "tolerance" else x.rungs[:5:2]
+                    asked = x.kind in ("tolerance", "waiting")
+                    rungs = ({"tol": 0.1},) if asked else x.rungs[:5:2]
                     yield study.Series(x.name, x.kind, rungs, x.method, x.model)
 
         patch.setattr(study, "chart_series", few)
@@ -64,7 +66,10 @@ def small_chart(tmp_path_factory):
         patch.setattr(study, "import_failure_reason", lambda name: None if name == "echo" else "not installed")
         labels = []
         found = study.chart(LEVEL, out, lambda label, done: labels.append((label, done)), repeats=1, budget=3000.0)
-    return out, found, labels
+        runs = []
+        patch.setattr(study, "run", lambda *a, **k: runs.append(a[1]) or run(*a, **k))
+        again = study.chart(LEVEL, out, repeats=1, budget=3000.0)
+    return out, found, again, labels, runs
 
 
 def rows_of_series(found, name):
@@ -72,7 +77,7 @@ def rows_of_series(found, name):
 
 
 def test_a_row_holds_errors_work_and_time(small_chart):
-    _, found, _ = small_chart
+    _, found, _, _, _ = small_chart
     rows = rows_of_series(found, "following-p2")
     assert [r["status"] for r in rows] == ["ok"] * 3
     assert rows[-1]["path_error"] < rows[0]["path_error"] < 0.05
@@ -94,7 +99,7 @@ def test_an_error_is_that_of_the_same_run_against_the_same_reference(small_chart
 
 
 def test_wrong_methods_and_cheap_models_stay_on_show(small_chart):
-    _, found, _ = small_chart
+    _, found, _, _, _ = small_chart
     naive = rows_of_series(found, "fixed-p1-naive")
     assert {r["status"] for r in naive} == {"ok"}
     assert min(r["path_error"] for r in naive) > 0.1
@@ -102,7 +107,7 @@ def test_wrong_methods_and_cheap_models_stay_on_show(small_chart):
 
 
 def test_failures_have_reasons(small_chart):
-    _, found, _ = small_chart
+    _, found, _, _, _ = small_chart
     failed = rows_of_series(found, "scheme central-difference")
     assert {r["status"] for r in failed} == {"failed"}
     assert all(len(r["reason"]) > 20 for r in failed)
@@ -118,11 +123,33 @@ def test_a_tolerance_is_a_row_with_its_bar_and_all_its_seconds(small_chart):
         assert row["seconds"] > 0.0
 
 
-def test_what_is_stored_is_what_was_found_and_progress_never_falls(small_chart):
-    out, found, labels = small_chart
-    assert json.loads((out / "chart.json").read_text())["rows"] == found["rows"]
+def test_what_a_user_waits_for_is_the_whole_command(small_chart):
+    (row,) = rows_of_series(small_chart[1], f"following-p2 --tol{study.FULL_PROGRAM}")
+    (quick,) = rows_of_series(small_chart[1], "following-p2 --tol")
+    assert row["settings"] == quick["settings"]
+    assert row["path_error"] <= row["bar"] <= row["settings"]["tol"]
+    assert (row["kind"], row["chosen"]) == ("waiting", quick["chosen"])
+    (march,) = rows_of_series(small_chart[1], "echo")
+    (whole,) = rows_of_series(small_chart[1], f"echo{study.FULL_PROGRAM}")
+    assert (whole["kind"], whole["path_error"]) == ("waiting", march["path_error"])
+    assert whole["seconds"] == march["wait"]
+
+
+def test_what_is_stored_is_what_was_found_and_a_second_call_measures_nothing_anew(small_chart):
+    out, found, again, labels, runs = small_chart
+    stored = json.loads((out / "chart.json").read_text())
+    assert stored["rows"] == again["rows"]
+    assert [r["seconds"] for r in again["rows"]] == [r["seconds"] for r in found["rows"]]
+    assert len(runs) == 1  # the reference
     assert labels[-1][1] == 1.0
     assert [x for _, x in labels] == sorted(x for _, x in labels)
+
+
+def test_another_scene_is_not_gone_on_with(small_chart, tmp_path):
+    stored = (small_chart[0] / "chart.json").read_text()
+    (tmp_path / "chart.json").write_text(stored)
+    assert store.read_json_or_empty(tmp_path / "chart.json", scene_toml=LEVEL.to_toml())["rows"]
+    assert store.read_json_or_empty(tmp_path / "chart.json", scene_toml=Scene.load("inclined").to_toml()) == {}
 
 
 @pytest.mark.slow  # many figures
@@ -133,7 +160,7 @@ def test_pages_are_drawn_without_a_solver(small_chart, monkeypatch):
     monkeypatch.setattr("cablefem.newmark.integrate", never)
     sections = {s.id: s for s in pages.sections(small_chart[0])}
     assert list(sections) == [
-        "chart-fastest", "chart-path", "chart-tension", "chart-work", "chart-failed", "chart-dots",
+        "chart-fastest", "chart-path", "chart-tension", "chart-work", "chart-failed", "chart-cost",
     ]  # fmt: skip
     assert "following-p2" in sections["chart-fastest"].summary
     assert "not measured: not installed" in sections["chart-fastest"].html
@@ -147,17 +174,19 @@ def test_a_chart_ends_within_its_budget_whatever_runs_take_beside_their_time_loo
 
     def slow_run(timer, settings):
         now[0] += 0.3
-        return {"status": "failed" if timer.series.kind == "peer" else "ok", "path_error": 0.1}, 1e-3
+        return {"status": "failed" if timer.series.kind == "peer" else "ok", "path_error": 0.1, "wait": None}, 1e-3
 
-    def slow_reference(scene, seconds):
+    def slow_reference(scene, stored, seconds):
         now[0] += 4.0
         return study._Reference(None, (0.02, 0.8), {"path_error": 1e-6, "settings": {}})
 
     monkeypatch.setattr(study, "time", SimpleNamespace(perf_counter=lambda: now[0]))
     monkeypatch.setattr(study._Reference, "compute", slow_reference)
     monkeypatch.setattr(study._SeriesTimer, "_time_run", slow_run)
+    monkeypatch.setattr(study._SeriesTimer, "_time_command", slow_run)
     monkeypatch.setattr(study._SeriesTimer, "_time_peer_run", slow_run)
     monkeypatch.setattr(study, "fastest_methods_at_error", lambda rows, error: {})
+    monkeypatch.setattr(study, "iteration_cost_over_bare_solve", lambda scene: {})
     found = study.chart(LEVEL, tmp_path, budget=20.0)
     assert 10.0 < now[0] < 20.6  # a run that has begun is ended
     assert {"ok", "not run"} <= {row["status"] for row in found["rows"]}
@@ -166,9 +195,9 @@ def test_a_chart_ends_within_its_budget_whatever_runs_take_beside_their_time_loo
 def test_a_small_budget_has_a_coarser_reference_that_says_so(monkeypatch):
     monkeypatch.setattr(study, "REFERENCE", ("following-p4", {"elements": 16, "steps": 800}))
     monkeypatch.setattr(study, "WITNESS", ("fourier-kink", {"terms": 24, "steps": 800}))
-    coarse = study._Reference.compute(LEVEL, 0.0)
+    coarse = study._Reference.compute(LEVEL, None, 0.0)
     assert coarse.stored["settings"] == {"elements": 4, "steps": 200}
-    fine = study._Reference.compute(LEVEL, 1e6)
+    fine = study._Reference.compute(LEVEL, coarse.stored, 1e6)  # what an earlier call stored is not for it
     assert fine.stored["settings"] == {"elements": 16, "steps": 800}
     assert fine.stored["path_error"] < coarse.stored["path_error"]
 
@@ -239,3 +268,12 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
     assert known.peer_path_errors(path, ride)["path_error"] == pytest.approx(ours, rel=1e-6)
     late = replace(path, t=1.01 * path.t)
     assert known.peer_path_errors(late, ride)["path_error"] > 10.0 * ours
+
+
+# --- cost ------------------------------------------------------------------------------------------------------------
+def test_what_an_iteration_costs_is_measured_beside_a_bare_banded_solve():
+    """Ratios of seconds are for `cablefem chart`, on a quiet machine; here only what is measured."""
+    found = cost.iteration_cost_over_bare_solve(LEVEL, repeats=1)
+    assert found["n_dof"] == 78
+    assert found["ratio"] == pytest.approx(found["iteration"] / found["bare_solve"])
+    assert found["run_ratio"] == pytest.approx(found["run_iteration"] / found["bare_solve"])

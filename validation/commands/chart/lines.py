@@ -21,7 +21,7 @@ from cablefem.newmark import SCHEMES
 from cablefem.response import Array, write_json
 from cablefem.scene.line import Line
 from validation.commands.chart.front import Row, fastest_methods_at_error
-from validation.commands.chart.study import NO_TIME, SETTINGS, Series, versions_and_machine
+from validation.commands.chart.study import SETTINGS, Series, versions_and_machine
 from validation.commands.check.motion import reference_scales
 from validation.commands.run.motion import ELEMENTS, SINES, Factors, LineMethod, LineRuns, OutOfTime
 from validation.commands.run.quasi import largest_distances_from_rest, line_at_timetable_positions
@@ -31,6 +31,7 @@ from validation.core.motion_rows import LineRun, Scales, distances
 from validation.core.sidebyside import Progress, no_progress
 
 LADDER: tuple[Factors, ...] = tuple((space, time) for space, time in SETTINGS["line_ladder"])
+NO_TIME = "more than its share of the time"
 
 
 def chart_line(

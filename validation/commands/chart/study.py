@@ -4,15 +4,20 @@ Reference: far finer than the chart, in the window of comparison or up to the sl
 Path error: largest distance over the largest deflection (of a free ride at equal times, over a tenth of the length).
 Tension error: rms off the mass, over H.
 Seconds: time loop up to the end of the window, best of separate runs on one core, without what others took of it.
+Lines of kind "waiting": processor time of all that a user waits for, from a fresh interpreter on.
 """
 
 from __future__ import annotations
 
 import platform
+import resource
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +27,9 @@ from threadpoolctl import threadpool_limits
 
 from cablefem import newmark
 from cablefem.newmark import SCHEMES
-from cablefem.response import Response, write_json
+from cablefem.response import Response, write_json, write_text
 from cablefem.scene import Groups, Scene
+from validation.commands.chart.cost import iteration_cost_over_bare_solve
 from validation.commands.chart.front import Row, fastest_methods_at_error
 from validation.core import measures, store
 from validation.core.measures import NotComparable, Window
@@ -42,11 +48,11 @@ REFERENCE_OF_RIDES = SETTINGS["reference_of_rides"]
 WITNESS = SETTINGS["witness"]
 BASE = SETTINGS["base"]
 FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))  # over the default resolution
+FULL_PROGRAM = ", whole"  # short, for legends
 RESULTS = (  # of a row, None where there is none
     "reason", "reached", "path_error", "path_rms", "tension_error", "seconds", "spread", "repeats", "n_dof",
-    "steps", "newton_iterations", "factorisations", "unknown_steps",
+    "steps", "newton_iterations", "factorisations", "unknown_steps", "wait",
 )  # fmt: skip
-NO_TIME = "more than its share of the time"
 DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # shares of steps, for short runs
 
 
@@ -55,7 +61,7 @@ class Series:
     """One line of the chart, its rungs from coarse to fine."""
 
     name: str
-    kind: str  # "method" | "model" | "integrator" | "tolerance" | "peer"
+    kind: str  # "method" | "model" | "integrator" | "tolerance" | "waiting" | "peer"
     rungs: tuple[Settings, ...]  # of its runs
     method: str | None = None  # None: another code
     model: str = "full"
@@ -87,30 +93,46 @@ class Series:
 
 
 def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: int = 3, budget: float = 240.0) -> Row:
-    """Write chart.json.
+    """Write chart.json; go on with an earlier one.
 
     repeats : separate timed runs of each setting.
     budget : [s] by the clock, the reference included; a line of the chart that has spent its share of what remains
         leaves rows "not run".
     """
     end = time.perf_counter() + budget
+    path = out / "chart.json"
+    before = store.read_json_or_empty(path, scene_toml=scene.to_toml())
     report("reference", 0.0)
-    reference = _Reference.compute(scene, 0.4 * budget)
+    earlier = before.get("reference")
+    reference = _Reference.compute(scene, earlier, 0.4 * budget)
     rows: list[Row] = []
-    content: Row = {"scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode}
-    content |= {"machine": versions_and_machine(), "window": list(reference.window)}
-    content |= {"reference": reference.stored, "rows": rows}
+    if earlier and earlier["settings"] == reference.stored["settings"]:
+        rows += [r for r in before["rows"] if r["status"] not in ("not run", "not installed")]
     todo = list(chart_series(scene.groups))
+    content: Row = {"scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode}
+    content |= {
+        "machine": versions_and_machine(),
+        "window": list(reference.window),
+        "reference": reference.stored,
+        "rows": rows,
+    }
     weights = [4.0 if series.kind == "peer" else 1.0 for series in todo]  # other codes are slow
     for i, series in enumerate(todo):
-        report(series.name, 0.05 + 0.95 * i / len(todo))
+        report(series.name, 0.05 + 0.85 * i / len(todo))
         share = weights[i] / sum(weights[i:])
         max_seconds = share * (end - time.perf_counter())
-        rows += _SeriesTimer(scene, series, reference).rows(repeats, max_seconds)
-        write_json(out / "chart.json", content)
+        rows += _SeriesTimer(scene, series, reference).run_for_missing_rows(rows, repeats, max_seconds)
+        if series.kind == "peer":
+            rows += _missing_full_program_rows(series.name, rows)
+        write_json(path, content)
+    if scene.groups.drive.mode == "grip":
+        report("cost of a step", 0.9)
+        content["floor"] = before.get("floor")
+        if content["floor"] is None and time.perf_counter() < end:
+            content["floor"] = iteration_cost_over_bare_solve(scene)
     floor = reference.stored["path_error"] or 0.0  # no smaller error can be read off
     content["fastest"] = [fastest_methods_at_error(rows, error) for error in SETTINGS["decades"] if error >= floor]
-    write_json(out / "chart.json", content)
+    write_json(path, content)
     report("done", 1.0)
     return content
 
@@ -121,7 +143,7 @@ def versions_and_machine() -> dict[str, str]:
 
 
 def chart_series(groups: Groups) -> Iterator[Series]:
-    """All lines of the chart on a scene: methods, models, schemes, tolerances and peers."""
+    """All lines of the chart on a scene: methods, models, schemes, tolerances, whole commands and peers."""
     from cablefem.elements.cable import MODELS
 
     base = METHODS[BASE]
@@ -134,6 +156,7 @@ def chart_series(groups: Groups) -> Iterator[Series]:
     tolerances = tuple({"tol": tol} for tol in SETTINGS["asked"])
     for name in (BASE, WITNESS[0]):
         yield Series(f"{name} --tol", "tolerance", tolerances, name)
+    yield Series(f"{BASE} --tol{FULL_PROGRAM}", "waiting", tolerances, BASE)
     for name, peer in PEERS.items():
         rungs = (groups.drive.mode == "free" and peer.rides) or peer.ladder
         yield Series(name, "peer", tuple(map(dict, rungs)))
@@ -184,16 +207,17 @@ class _Reference:
     stored: Row
 
     @classmethod
-    def compute(cls, scene: Scene, seconds: float) -> _Reference:
+    def compute(cls, scene: Scene, stored: Row | None, seconds: float) -> _Reference:
         """Run the reference, as fine as the time allows; its error is by coarser runs and the other solver.
 
-        seconds : by the clock.
+        stored : an earlier one, whose error holds if the settings are the same;  seconds : by the clock.
         Raises ValueError if the reference ends early.
         """
         stop = stop_position_unless_free(scene)
         name, finest = REFERENCE if stop else REFERENCE_OF_RIDES
+        shares = (1.0,) if stored and stored["settings"] == finest else (0.25, 0.5, 1.0)
         end = time.perf_counter() + seconds
-        for share in (0.25, 0.5, 1.0):
+        for share in shares:
             settings = _scaled_settings(finest, share)
             begin = time.perf_counter()
             reference = run(scene, name, until=stop, **settings)
@@ -205,16 +229,18 @@ class _Reference:
         if not complete and reference.slack_onset is None:
             raise ValueError(f"the chart's reference stopped at s_o/l = {reference.reached:.3f}: {reference.reason}")
         window = measures.common_window(reference)
-        witness_settings = _scaled_settings(WITNESS[1], share)
-        other = run(scene, WITNESS[0], until=stop, **witness_settings)
-        try:
-            witness = measures.relative_path_gap(other, reference, window).largest
-        except NotComparable:
-            witness = None
-        bars = run_with_error_bars(scene, name, earlier_runs=[reference], until=stop, **settings).finest
-        stored = {"method": name, "settings": settings}
-        stored |= {"path_error": bars.path_error, "tension_error": bars.tension_error}
-        stored |= {"witness": WITNESS[0], "witness_settings": witness_settings, "witness_path": witness}
+        if stored is None or stored["settings"] != settings:
+            witness_settings = _scaled_settings(WITNESS[1], share)
+            other = run(scene, WITNESS[0], until=stop, **witness_settings)
+            try:
+                witness = measures.relative_path_gap(other, reference, window).largest
+            except NotComparable:
+                witness = None
+            bars = run_with_error_bars(scene, name, earlier_runs=[reference], until=stop, **settings).finest
+            stored = {"method": name, "settings": settings}
+            stored |= {"path_error": bars.path_error, "tension_error": bars.tension_error}
+            stored |= {"witness": WITNESS[0], "witness_settings": witness_settings, "witness_path": witness}
+            stored |= {"max_deflection": reference.max_deflection, "slack_onset": reference.slack_onset}
         return cls(reference, window, stored)
 
     def status_and_errors(
@@ -228,6 +254,10 @@ class _Reference:
             return {"status": "ok", **compute_errors()}
         except NotComparable as error:
             return {"status": "failed", "reason": str(error)}
+
+    def status_and_errors_of_response(self, r: Response) -> Row:
+        """As `status_and_errors`, with errors of path and tension."""
+        return self.status_and_errors(r.reached, r.reason, partial(self.response_errors, r))
 
     def response_errors(self, r: Response) -> dict[str, float]:
         """Errors of path and tension in the window, dimensionless."""
@@ -268,28 +298,35 @@ class _SeriesTimer:
     series: Series
     reference: _Reference
 
-    def rows(self, repeats: int, max_seconds: float) -> Iterator[Row]:
-        """The rows of all settings, run while the next run is likely to fit into the time.
+    def run_for_missing_rows(self, rows: list[Row], repeats: int, max_seconds: float) -> list[Row]:
+        """Run the settings that have no row, while the next run is likely to fit into the time.
 
         max_seconds : by the clock; the first run has no earlier one that says what it takes, and may take longer.
         """
         series = self.series
+        done = [r["settings"] for r in rows if r["series"] == series.name]
         refused = series.refused_row(self.scene)
         if refused is not None:
-            yield refused
-            return
-        end = time.perf_counter() + max_seconds
-        if max_seconds > 0.0 and series.kind not in ("tolerance", "peer"):
-            self.repeat_and_keep_fastest(series.rungs[0], 1, 0.0)  # the first run may compile
+            return [] if {} in done else [refused]
+        missing = [x for x in series.rungs if x not in done]
+        begin = time.perf_counter()
+
+        def remaining() -> float:
+            return begin + max_seconds - time.perf_counter()
+
+        if missing and remaining() > 0.0 and series.kind not in ("tolerance", "waiting", "peer"):
+            self.repeat_and_keep_fastest(missing[0], 1, 0.0)  # the first run may compile
+        new = []
         run_seconds = 0.0
-        for settings in series.rungs:
-            begin = time.perf_counter()
-            if begin + run_seconds < end:
-                row = self.repeat_and_keep_fastest(settings, repeats, end - begin)
-                run_seconds = (time.perf_counter() - begin) / (row["repeats"] or 1)
+        for settings in missing:
+            before = remaining()
+            if before > run_seconds:
+                row = self.repeat_and_keep_fastest(settings, max(1, repeats), before)
+                run_seconds = (before - remaining()) / (row["repeats"] or 1)
             else:
-                row = series.chart_row(settings, status="not run", reason=NO_TIME)
-            yield row
+                row = series.chart_row(settings, status="not run", reason="more than its share of the time")
+            new.append(row)
+        return new
 
     def repeat_and_keep_fastest(self, settings: Settings, repeats: int, max_seconds: float) -> Row:
         """The row of a run: the best of separate repeats and their spread (slowest over best).
@@ -297,7 +334,7 @@ class _SeriesTimer:
         Repeats end before `max_seconds` by the clock; short runs are repeated more often.
         """
         begin = time.perf_counter()
-        time_once = self._time_peer_run if self.series.kind == "peer" else self._time_run
+        time_once = {"peer": self._time_peer_run, "waiting": self._time_command}.get(self.series.kind, self._time_run)
         try:
             results, first = time_once(settings)
         except (ValueError, TooCoarse) as error:
@@ -326,14 +363,14 @@ class _SeriesTimer:
             begin = time.process_time()
             r = refine_to_tolerance(self.scene, method, settings["tol"], until=stop).finest
             seconds = time.process_time() - begin
-            results = {"bar": r.path_error, "chosen": METHODS[r.method].resolution_and_steps(r.settings)}
+            results = _bar_and_chosen_settings(r)
         else:
             r = run(self.scene, method, model=self.series.model, until=stop, **settings)
             seconds = r.seconds
         results |= {name: r.work[name] for name in ("steps", "newton_iterations", "factorisations")}
         results |= {"reached": r.reached, "n_dof": r.n_dof, "unknown_steps": r.work["steps"] * r.n_dof}
-        compute_errors = partial(self.reference.response_errors, r)
-        return results | self.reference.status_and_errors(r.reached, r.reason, compute_errors), seconds
+        results |= self.reference.status_and_errors_of_response(r)
+        return results, seconds
 
     def _time_peer_run(self, settings: Settings) -> tuple[Row, float]:
         """Results and seconds of a run of another code, without what others took of the processor."""
@@ -353,7 +390,52 @@ class _SeriesTimer:
         results: Row = {"steps": path.t.size - 1, "reached": path.reached}
         compute_errors = partial(self.reference.peer_path_errors, path, scene)
         results |= self.reference.status_and_errors(path.reached, path.note, compute_errors)
+        results["wait"] = own + _import_time(peer.module)
         return results, share * path.seconds
+
+    def _time_command(self, settings: Settings) -> tuple[Row, float]:
+        """Results and processor time of `cablefem run --tol`, with its bars, files and page."""
+        method = self.series.method
+        assert method is not None
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            file = folder / "scene.toml"
+            write_text(file, self.scene.to_toml())
+            arguments = ["--method", method, "--tol", repr(settings["tol"]), "--out", str(folder / "out")]
+            seconds = _processor_time_of_python("-m", "validation.cli", "run", str(file), *arguments)
+            try:
+                r = Response.read(folder / "out" / method)
+            except FileNotFoundError:
+                raise ValueError("the command wrote no response") from None
+        results = self.reference.status_and_errors_of_response(r)
+        return results | _bar_and_chosen_settings(r) | {"reached": r.reached}, seconds
+
+
+def _bar_and_chosen_settings(r: Response) -> Row:
+    return {"bar": r.path_error, "chosen": METHODS[r.method].resolution_and_steps(r.settings)}
+
+
+def _missing_full_program_rows(peer: str, rows: list[Row]) -> list[Row]:
+    """Rows of another code with the time of all of its program; none if there are some already."""
+    series = peer + FULL_PROGRAM
+    if any(r["series"] == series for r in rows):
+        return []
+    timed = [r for r in rows if r["series"] == peer and r["wait"]]
+    return [r | {"series": series, "kind": "waiting", "seconds": r["wait"], "spread": None} for r in timed]
+
+
+def _processor_time_of_python(*arguments: str) -> float:
+    """Processor time [s] of a fresh interpreter and its processes."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, *arguments], capture_output=True, check=False)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+@cache
+def _import_time(module: str) -> float:
+    """Processor time [s] of a fresh interpreter that imports a module."""
+    return _processor_time_of_python("-c", f"import {module}")
 
 
 def groups_until(groups: Groups, position: float) -> Groups:
