@@ -70,7 +70,7 @@ class LineEquations:
         self.line = kernels.Line(
             tables=layout.tables, at=layout.coordinates, free=self.free, shapes=layout.shapes, column=column,
             bodies=np.concatenate([body.record for body in bodies]), rho=rope.mass_per_length,
-            gravity=layout.line.gravity, EA=rope.EA,
+            gravity=layout.line.gravity, EA=rope.EA, damping=rope.damping,
         )  # fmt: skip
         # the same memory at each call, for large new arrays are slow
         functions = layout.functions + 2

@@ -39,6 +39,8 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     rope = _rope_history(system, states, s)
     energies = rope.energies
     powers: dict[str, Array] = {}
+    if line.rope.damping:
+        powers["damping"] = -2.0 * line.rope.damping * energies[0]
     cars = []
     contacts = []
     for k, (contact, body) in enumerate(zip(line.contacts_and_wheels, system.equations.bodies, strict=True)):

@@ -122,6 +122,8 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
         powers |= powers_off
         cars.append(motion)
     kinetic = x.integral_over_rope(0.5 * system.segments.rho * dot(x.points.w, x.points.w))
+    if line.rope.damping:
+        powers["damping"] = -2.0 * line.rope.damping * kinetic
     potential = -x.integral_over_rope(system.segments.q * x.points.y)
     for car, motion in zip(line.all_cars, cars, strict=True):
         kinetic = kinetic + _car_kinetic_energy(car, motion)

@@ -6,7 +6,7 @@ L = sum of int rho w^2/2 - W(lam, s) + q y ds, the rows are
 
     r :    int rho (h dw + dh w) phi - q h j phi + (rho c w + N t) phi_xi dxi
     s_k :  int - rho psi (dw . r_xi + w . v_xi) - e rho (w^2/2 + c w . r')
-               + e (W - N lam - q y) dxi,    dw: rate of w at fixed xi
+               + e (W - N lam - q y) dxi,    dw: rate of w at fixed xi, and c_d w of the damping force -c_d rho w
 
 psi and e are xi and 1 at a right end, 1 - xi and -1 at a left one.
 """
@@ -89,6 +89,7 @@ class Segments:
         self.elements = elements
         self.degree = degree
         self.rho = rope.mass_per_length
+        self.damping = rope.damping
         self.q = rope.mass_per_length * gravity
         self.nn = elements * degree + 1
         self.dofs = element_unknowns(degree, elements)
@@ -142,7 +143,7 @@ class Segments:
         flow = (c / h)[..., None]
         slowing = (c * dh / h - dc) / h  # -d(c/h)/dt
         w = v - flow * r_xi
-        dw = a - flow * v_xi + slowing[..., None] * r_xi
+        dw = a - flow * v_xi + slowing[..., None] * r_xi + self.damping * w
         lam = np.sqrt(dot(r_xi, r_xi)) / h
         strain = lam - 1.0
         N = law.N_r + law.EA * strain

@@ -50,6 +50,7 @@ class Elastic:
     mass_per_length: float  # rho [kg/m] per s
     EA: float  # [N]
     length: float | None = None  # [m] s of a right end that is no counterweight; 0 at a left one
+    damping: float = 0.0  # c_d [1/s], force on the rope per momentum
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ _WHY = {
     "along": "along the line wind acts on the car alone: drive.wind with drag_area",
     "vertical": "wind blows across the line, wind.across, or along it on the car, drive.wind",
     "haul_rope": "its force is an answer, its weight and stiffness are left out",
-    "damping": "one span in motion has it, as cable.damping; a car is damped by drag_area and rolling_friction",
+    "damping": "the rope has it, as cable.damping; a car is damped by drag_area and rolling_friction",
 }
 NOT_MODELLED = {key: why for keys, why in _WHY.items() for key in keys.split()}
 

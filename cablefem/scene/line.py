@@ -18,7 +18,7 @@ from pydantic import BeforeValidator, Field
 
 from cablefem.scene.bisection import bisect_zero
 from cablefem.scene.bodies import Hanger, Wheels, body_faults, missing_wire_faults
-from cablefem.scene.cable import STEEPEST, Rope
+from cablefem.scene.cable import STEEPEST, Damping, Rope
 from cablefem.scene.described import LINES, Described
 from cablefem.scene.drive import DriveMode, Driving
 from cablefem.scene.errors import NOT_MODELLED, SceneError, did_you_mean, short_text
@@ -181,6 +181,9 @@ class LineRope(Rope):
     )
     length: Positive | None = described_field("[m] unstretched length between two fixed ends", None)
     tension: TensionAtContact | None = described_field("[N] tension of the empty line at a contact", None)
+    damping: Damping | None = described_field(
+        "[-] in motion: its `rate`, 4 pi times a frequency (`cablefem modes`) times that mode's ratio of critical", None
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,7 +88,8 @@ def _rope_at_temperature(line: Line, length: float, thermal_stretch: float) -> E
     rope = line.cable
     fixed = line.contact[-1].kind != "counterweight"
     mass = (rope.mass_per_length + rope.ice_mass_per_length) / thermal_stretch
-    return Elastic(mass_per_length=mass, EA=rope.EA, length=length if fixed else None)
+    rate = 0.0 if rope.damping is None else rope.damping.rate
+    return Elastic(mass_per_length=mass, EA=rope.EA, length=length if fixed else None, damping=rate)
 
 
 def _too_heavy_car_faults(line: Line, empty: LineState) -> list[str]:

@@ -47,6 +47,7 @@ class Line(NamedTuple):
     rho: float
     gravity: float
     EA: float
+    damping: float  # c_d of the force -c_d rho r. on the rope
     N: float = 0.0  # of r' = 1
 
 
@@ -57,8 +58,9 @@ class LineValues(NamedTuple):
     r: Any  # residual (n, size)
     contact_values: Any  # (n, contacts, VALUES), complex
     N: Any  # (n, S, G)
-    inertia_and_weight: Any  # rho (r.. - g j) (n, S, G, 2)
-    rope_rows: Any  # int rho (r.. - g j) B + N t . B' ds (M, n, S, 2); the last two are - N t at L and N t at R
+    inertia_and_weight: Any  # rho (r.. + c_d r. - g j) (n, S, G, 2)
+    # int rho (r.. + c_d r. - g j) B + N t . B' ds (M, n, S, 2); the last two are - N t at L and N t at R
+    rope_rows: Any
     forces_on_cars: Any  # of `bodies.set_forces_on_car` (n, contacts, FORCES), complex
 
 
@@ -68,7 +70,7 @@ class RopeAtPoints(NamedTuple):
     slope: Any  # by xi
     bend: Any  # by xi twice
     dslope: Any  # by xi and time
-    a: Any  # by time twice
+    a: Any  # by time twice, and c_d times that by time
     end_slopes: Any  # by xi at both ends, (2, 2 n S)
 
 
@@ -143,7 +145,7 @@ def rope_at_points(line: Line, Z: Any) -> RopeAtPoints:
     by_a = np.empty((G, 2 * n * S))
     set_product(tables.of_q, coefficients[0], False, by_q)
     set_product(tables.of_q[:G], coefficients[1], False, by_v)
-    set_product(tables.B, coefficients[2], False, by_a)
+    set_product(tables.B, coefficients[2] + line.damping * coefficients[1], False, by_a)
     return RopeAtPoints(by_q[:G], by_q[G : 2 * G], by_v, by_a, by_q[2 * G :])
 
 
@@ -178,8 +180,9 @@ def set_rope(line: Line, Z: Any, at: RopeAtPoints, out: LineValues) -> None:
                 N = line.N + line.EA * (squared - 1.0) / (stretch + 1.0)
                 out.N[i, k, g] = N
                 for axis in range(2):
+                    moved = (2.0 * at.dslope[g, x + axis] + at.bend[g, x + axis] * dxi) * dxi
                     slope = at.slope[g, x + axis]
-                    moved = (2.0 * at.dslope[g, x + axis] + at.bend[g, x + axis] * dxi) * dxi + slope * ddxi
+                    moved += slope * (ddxi + line.damping * dxi)
                     inertia = line.rho * (at.a[g, x + axis] + moved - axis * line.gravity)
                     out.inertia_and_weight[i, k, g, axis] = inertia
                     tests[g, x + axis] = tables.weights[g] * (h * inertia)

@@ -32,6 +32,7 @@ def set_derivatives_of_segment(line: Line, Z: Any, rope: RopeAtPoints, values: L
     for g in range(G):
         xi = tables.points[g]
         h, dh, dxi, ddxi = motion_of_xi(line, Z, 0, k, xi)
+        drift = ddxi + line.damping * dxi
         weight = tables.weights[g]
         mass = weight * line.rho * h
         x = rope.slope[g, 2 * k] / h
@@ -41,8 +42,8 @@ def set_derivatives_of_segment(line: Line, Z: Any, rope: RopeAtPoints, values: L
         along = (line.EA - across) / (stretch * stretch)
         for m in range(M):
             slope = tables.of_q[g, m]
-            tests[g, m] = tests[g, 2 * M + m] = mass * (slope * ddxi + tables.of_q[G + g, m] * dxi * dxi)
-            tests[g, 3 * M + m] = 2.0 * mass * slope * dxi
+            tests[g, m] = tests[g, 2 * M + m] = mass * (slope * drift + tables.of_q[G + g, m] * dxi * dxi)
+            tests[g, 3 * M + m] = mass * (2.0 * slope * dxi + line.damping * tables.B[g, m])
             tests[g, 4 * M + m] = mass * tables.B[g, m]
             tests[G + g, m] = weight / h * slope * (across + along * x * x)
             tests[G + g, M + m] = weight / h * slope * along * x * y
@@ -55,8 +56,8 @@ def set_derivatives_of_segment(line: Line, Z: Any, rope: RopeAtPoints, values: L
                 shift = xi if end == 1 else 1.0 - xi  # of a point at this xi
                 c = ends + 2 * axis + end
                 by_length = weight * sign * values.inertia_and_weight[0, k, g, axis]
-                tests[g, c] = by_length - mass * sign * (2.0 * dslope * dxi + slope * ddxi)
-                tests[g, c + 4] = -2.0 * mass * (dslope * shift + slope * sign * dxi)
+                tests[g, c] = by_length - mass * sign * (2.0 * dslope * dxi + slope * drift)
+                tests[g, c + 4] = -mass * (2.0 * (dslope * shift + slope * sign * dxi) + line.damping * slope * shift)
                 tests[g, c + 8] = -mass * slope * shift
                 tests[G + g, c] = -weight * sign / h * line.EA * slope
     by = np.empty((M, tests.shape[1]))

@@ -70,7 +70,7 @@ def test_a_damped_scene_is_written_and_kept(changes):
         ({"wind.across": -5.0, "cable.diameter": 0.01}, "wind.across = -5.0: must be a number >= 0"),
         (BLOWN | {"wind.vertical": 3.0}, "wind.vertical: not modelled: wind blows across the line, wind.across, or"),
         (BLOWN | {"wind.along": 3.0}, "wind.along: not modelled: along the line wind acts on the car alone"),
-        ({"mass.damping": 0.1}, "mass.damping: not modelled: one span in motion has it, as cable.damping"),
+        ({"mass.damping": 0.1}, "mass.damping: not modelled: the rope has it, as cable.damping"),
     ],
 )
 def test_what_is_refused_says_why(changes, told):

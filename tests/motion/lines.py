@@ -73,9 +73,9 @@ TRAMWAY = {"mass_per_length": 11.4, "EA": 2.1e8, "length": 1300.0}
 BESIDE_TRAMWAY = weight(0.0, 0.0, 3.8e5), anchor("right", 1200.0, -480.0)
 ALONG_S = line(TRAMWAY, BESIDE_TRAMWAY[0], car("car", 6000.0, 650.0, "haul"), BESIDE_TRAMWAY[1])
 IN_X = line(TRAMWAY, BESIDE_TRAMWAY[0], car("car", 6000.0, 640.052271, "haul", "x"), BESIDE_TRAMWAY[1])
-# a saddle over which rope runs, a spring, a counterweight, and cars driven in three manners
+# damped: a saddle over which rope runs, a spring, a counterweight, and cars driven in three manners
 ALL = line(
-    {"mass_per_length": 9.0, "EA": 1.5e8}, spring(0.0, 0.0), car("up", 3000.0, Smooth(100.0, 6.0)),
+    {"mass_per_length": 9.0, "EA": 1.5e8, "damping": 0.3}, spring(0.0, 0.0), car("up", 3000.0, Smooth(100.0, 6.0)),
     saddle("tower", 500.0, -90.0), car("down", 2500.0, Smooth(880.0, -5.0), "haul", mu_r=0.01, k=0.5),
     car("next", 2000.0, Smooth(930.0, -3.0), "haul", "x", k=0.4, wind=3.0), weight(1100.0, -150.0, 4e5), t_end=14.0,
 )  # fmt: skip

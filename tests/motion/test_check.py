@@ -13,7 +13,7 @@ from cablefem.scene import Scene
 from cablefem.scene.line import Line
 from tests.commands.calls import fault_lines
 from tests.motion.lines import BODIES
-from validation.commands.check.motion import check_line, compare_and_check_laws
+from validation.commands.check.motion import check_line, compare_and_check_laws, law_rows
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answer_line, motion_answers
 from validation.core import motion_laws
 from validation.core.agreement import worst_deciding_verdict
@@ -527,3 +527,11 @@ def test_a_ride_is_the_same_however_long_its_end_time_waits():
     assert short.status == long.status == "complete"
     assert long.t[-1] == pytest.approx(short.t[-1], rel=1e-3)
     assert long.t.size < 1.5 * short.t.size
+
+
+@pytest.mark.parametrize(("told", "broken"), [(0.3, set()), (0.0, {"momentum of rope and cars, sines"})])
+def test_laws_read_the_damping_of_a_rope_from_the_file(line, told, broken):
+    damped = Line.from_toml(line.to_toml().replace("[cable]\n", "[cable]\ndamping = {rate = 0.3}\n"))
+    ladder = LineRuns(SINES, damped).ladder(2, 2)
+    rows = law_rows(damped.to_toml().replace("rate = 0.3", f"rate = {told}"), [ladder], ladder.finest.motion.t[-1])
+    assert {row.law for row in rows if row.verdict.value == "disagree"} == broken

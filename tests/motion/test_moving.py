@@ -1,6 +1,8 @@
 """Lines in motion against laws of mechanics and exact answers."""
 
 import dataclasses
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from cablefem.newmark import Work, consistent_acceleration, integrate, scheme, s
 from cablefem.scene.motion import Motion, Piece
 from galerkin.lines import LineSines
 from tests.motion.lines import ALL, LEFT, anchor, car, line, run_and_observe, states_by_radau
+from validation.oracles.damped_mass import extrapolated_load_displacement
 
 G = 9.81
 
@@ -106,6 +109,31 @@ def test_two_gripping_cars_on_a_taut_string_meet_each_others_waves(gravity, allo
         away = at.point[:, 0]
         w = at.point[:, 1] - 0.5 * rho / lam * gravity * away * (l - away) / T
         assert np.abs(w - want).max() < allowed * np.abs(want).max()
+
+
+@pytest.mark.parametrize("make", [partial(LineElements, elements=12), partial(LineSines, terms=20)])
+@pytest.mark.parametrize(("damping", "told", "agree"), [(1.0, 1.0, True), (4.0, 4.0, True), (4.0, 3.9, False)])
+def test_a_gripping_car_on_a_damped_string_sags_as_its_green_function_says(make, damping, told, agree):
+    l, T, rho, EA, gravity, mu, speed, begin, t_end = 100.0, 1e4, 1.0, 1e6, 0.098, 0.5, 0.4, 0.3, 1.5
+    lam = 1.0 + T / EA
+    c = np.sqrt(T * lam / rho)
+    mass = mu * rho / lam * l
+    rope = {"mass_per_length": rho, "EA": EA, "length": l / lam, "damping": damping * c / l}
+
+    def string(size: float) -> Any:
+        one = car("one", size, _steady(begin * l / lam, speed * c / lam))
+        return make(line(rope, LEFT, one, anchor("right", l, 0.0), t_end=t_end * l / c, gravity=gravity))
+
+    rest = string(1e-9 * mass).start(0, None)
+    system = string(mass)
+    states = states_by_radau(system, 130, consistent_acceleration(system, 0.0, rest.q, rest.v, 0))
+    x = system.observe(states, np.ones(1))
+    along, depth = x.cars[0].point.T
+    w = depth - 0.5 * rho / lam * gravity * along * (l - along) / T  # the string begins in its own shape
+    load = mass * gravity / T * (1.0 + speed**2)  # the way along that shape is curved
+    exact = extrapolated_load_displacement(t_end, mu=mu, P=load, V=speed, s0=begin, c=told)(x.t * c / l)
+    gap = np.abs(w / l - exact).max() / exact.max()
+    assert (gap < 1e-4) == agree
 
 
 def _displacements_on_string(t, l, c, T, masses, begin, speed, gravity):

@@ -9,7 +9,7 @@ from cablefem.scene.contacts import Elastic, MovingLine
 from cablefem.scene.drive import Drive
 from tests.motion.lines import Car, Smooth, car, saddle, spring, weight
 
-SOFT = Elastic(mass_per_length=9.0, EA=1.4e6)
+SOFT = Elastic(mass_per_length=9.0, EA=1.4e6, damping=0.4)
 MIXED = MovingLine(
     rope=SOFT, t_end=4.0,
     contacts=(

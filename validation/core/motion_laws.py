@@ -2,10 +2,12 @@
 
 Over a window W(t) that vanishes with its slope at both ends, for the rope and all cars together:
 
-    int W'' rho (int r ds) + W' rho [p ds]_ends - W' sum m v dt = int W (weights + haul + drag + thrust - pressures) dt
+    int W'' rho (int r ds) + W' rho [p ds]_ends - W' sum m v dt
+        = int W (weights + haul + drag + thrust - pressures) + c_d rho (W' int r ds + W [p ds]_ends) dt
     int W (N - G) + W' (G/g) rise' dt = 0        of a counterweight
 
-Energy less work, from the start: drives, drag, friction, and at a pulley the rope that enters with its weight q y:
+Energy less work, from the start: drives, drag, friction, damping of the rope, and at a pulley the rope that enters with
+its weight q y:
 
     dE/dt = -e ds (N + N^2/(2 EA) + q y - rho (ds lam)^2/2),    e = 1 at the right end, -1 at the left one.
 
@@ -66,6 +68,7 @@ class LineTables(LineData):
         super().__init__(toml)
         self.rho = self.mass_per_length / self.heat
         self.q = self.rho * self.gravity
+        self.damping_rate = self.data["cable"].get("damping", {"rate": 0.0})["rate"]
         self.cars: dict[str, dict[str, Any]] = {car["name"]: car for car in self.data.get("car", [])}
         for car in self.cars.values():
             for brake in car.get("drive", {}).get("brake", []):
@@ -252,6 +255,8 @@ def momentum_defects_by_window(x: SampledMotion, end: float) -> Array:
         m = m - (m[0] + share * (m[-1] - m[0]))  # W'' and a linear function have no integral
         change = window.W2[:, None] * m
         change += window.W1[:, None] * (entering[window.part] - momentum[window.part])
+        moved = window.W1[:, None] * (moment[window.part] - moment[0]) + window.W[:, None] * entering[window.part]
+        change -= line.damping_rate * moved
         defect = window.integral(change - window.W[:, None] * force[window.part])
         defects.append(defect / (window.duration * largest))
     return np.array(defects)
@@ -278,7 +283,7 @@ def energy_defects(x: SampledMotion, end: float) -> Array:
     line = x.line
     kinetic = x.kinetic + sum(body.kinetic_energy for body in x.bodies)
     energy = kinetic - line.q * x.rope_depth + x.rope_squared_tension / (2.0 * line.EA)
-    powers = []
+    powers = [-2.0 * line.damping_rate * x.kinetic]
     for body in x.bodies:
         energy += body.potential_energy
         powers += body.powers

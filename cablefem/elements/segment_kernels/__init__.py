@@ -33,7 +33,7 @@ class Kernel:
         dofs = np.ascontiguousarray(segments.dofs)
         weights = segments.weights[:points].copy()
         self.mesh = balance.Mesh(phi, phi_xi, weights, xi, dofs, segments.end_slopes)
-        self.rope = balance.Rope(segments.rho, segments.q)
+        self.rope = balance.Rope(segments.rho, segments.q, segments.damping)
         self.cars = np.array(system.point_cars, int)
         car_contacts = np.array(system.car_contacts, int)
         self.contacts = car_contacts[self.cars]

@@ -31,6 +31,7 @@ class Mesh(NamedTuple):
 class Rope(NamedTuple):
     rho: float
     q: float
+    damping: float
 
 
 class Cars(NamedTuple):
@@ -114,7 +115,7 @@ class PointFields(NamedTuple):
 
 
 @inner
-def fields_at_point(law: Array, xi: float, y: Any) -> PointFields:
+def fields_at_point(rope: Rope, law: Array, xi: float, y: Any) -> PointFields:
     """Fields of `motion_at_point`; law : (3,)."""
     h = y[11] - y[10]
     dh = y[13] - y[12]
@@ -125,8 +126,8 @@ def fields_at_point(law: Array, xi: float, y: Any) -> PointFields:
     slowing = (flow * dh - dc) * per_h
     w_x = y[2] - flow * y[6]
     w_y = y[3] - flow * y[7]
-    dw_x = y[4] - flow * y[8] + slowing * y[6]
-    dw_y = y[5] - flow * y[9] + slowing * y[7]
+    dw_x = y[4] - flow * y[8] + slowing * y[6] + rope.damping * w_x
+    dw_y = y[5] - flow * y[9] + slowing * y[7] + rope.damping * w_y
     size = np.sqrt(y[6] * y[6] + y[7] * y[7])
     lam = size * per_h
     EA, N_0, W_0 = law
@@ -164,8 +165,8 @@ def set_density_changes(rope: Rope, EA: float, xi: float, y: Any, p: PointFields
     slowing = (flow * p.dh + p.flow * dh - dc - p.slowing * h) * per_h
     w_x = d[2] - flow * y[6] - p.flow * d[6]
     w_y = d[3] - flow * y[7] - p.flow * d[7]
-    dw_x = d[4] - flow * y[8] - p.flow * d[8] + slowing * y[6] + p.slowing * d[6]
-    dw_y = d[5] - flow * y[9] - p.flow * d[9] + slowing * y[7] + p.slowing * d[7]
+    dw_x = d[4] - flow * y[8] - p.flow * d[8] + slowing * y[6] + p.slowing * d[6] + rope.damping * w_x
+    dw_y = d[5] - flow * y[9] - p.flow * d[9] + slowing * y[7] + p.slowing * d[7] + rope.damping * w_y
     size = (y[6] * d[6] + y[7] * d[7]) * (1.0 / p.size)
     N = EA * per_h * (size - p.lam * h)
     momentum = dw_x * y[6] + dw_y * y[7] + w_x * y[8] + w_y * y[9]
@@ -216,7 +217,7 @@ def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -
             tension = 0.0
             for g in range(mesh.weights.size):
                 y = motion_at_point(line, at, k, e, g)
-                fields = fields_at_point(line.law[:, k, e * mesh.weights.size + g], mesh.xi[e, g], y)
+                fields = fields_at_point(line.rope, line.law[:, k, e * mesh.weights.size + g], mesh.xi[e, g], y)
                 value_x, value_y, slope_x, slope_y, left, right = densities(line.rope, mesh.xi[e, g], y, fields)
                 weight = mesh.weights[g]
                 tension += weight * mesh.dofs.shape[0] * fields.N
@@ -301,7 +302,7 @@ def add_rope_derivatives(line: Line, at: Coordinates, out: Bands) -> None:
                 law = line.law[:, k, e * mesh.weights.size + g]
                 xi = mesh.xi[e, g]
                 y = motion_at_point(line, at, k, e, g)
-                fields = fields_at_point(law, xi, y)
+                fields = fields_at_point(line.rope, law, xi, y)
                 for order in range(3):
                     for b in range(2):
                         for first, orders, of in ((0, 3, by_value[b]), (6, 2, by_slope[b]), (10, 3, by_end[b])):
