@@ -141,6 +141,14 @@ class _CarAtShoe(NamedTuple):
         x, _ = self.snapshot.points[self.car.name][0].tolist()
         return math.copysign(1.0, x - self.saddle.point[0])
 
+    @property
+    def _path_of_car(self) -> RailEnd:
+        """Where a rail goes on from the car without a jump of its velocity or acceleration."""
+        (x, y), velocity, acceleration = self.snapshot.points[self.car.name].tolist()
+        slope = velocity[1] / velocity[0]
+        bend = (acceleration[1] - slope * acceleration[0]) / velocity[0] ** 2
+        return RailEnd(x, y, slope, bend)
+
     def line_with_car_on_rail(self, rail: Rail | None) -> MovingLine:
         """The line with the car, on the rope, on this rail, or on none."""
         moved = replace(self.car, rail=rail)
@@ -151,13 +159,9 @@ class _CarAtShoe(NamedTuple):
         """The line with the car on a rail, from its path on the rope to the slope of the rope beside it."""
         if any(c.rail is not None and c.rail.saddle == self.saddle.name for c in self.line.all_cars):
             raise StepFailure(self.t, f"two cars on the shoe of {self.saddle.name}", "let one follow later")
-        (x, y), velocity, acceleration = self.snapshot.points[self.car.name].tolist()
-        slope = velocity[1] / velocity[0]
-        bend = (acceleration[1] - slope * acceleration[0]) / velocity[0] ** 2
-        begin = RailEnd(x, y, slope, bend)
         side = self.side_of_saddle
         end = self._straight_rail_end(side, self.snapshot.rope_slope_beside(self.car.name, side))
-        return self.line_with_car_on_rail(Rail(self.saddle.name, begin, end))
+        return self.line_with_car_on_rail(Rail(self.saddle.name, self._path_of_car, end))
 
     def line_after_rope_left(self) -> MovingLine:
         """The line with the car off the rope, on a rail over the saddle to as far behind it."""
@@ -177,9 +181,7 @@ class _CarAtShoe(NamedTuple):
 
     def line_after_rope_taken(self) -> MovingLine:
         """The line with the car on the rope again, on a rail to the end of the shoe."""
-        x, y = self.snapshot.points[self.car.name][0]
-        _, (r_x, r_y), _ = self.snapshot.rope(self.snapshot.s[self.car.name])
-        rail = Rail(self.saddle.name, RailEnd(x, y, r_y / r_x), self._rail_end_on_load_path())
+        rail = Rail(self.saddle.name, self._path_of_car, self._rail_end_on_load_path())
         contacts = list(self.line.contacts)
         contacts.insert(contacts.index(self.saddle) + (self.side_of_saddle > 0.0), replace(self.car, rail=rail))
         off_rope = tuple(c for c in self.line.cars_off_rope if c is not self.car)
@@ -239,25 +241,30 @@ class _CarAtShoe(NamedTuple):
 def _snapshot_with_rope_point_below(
     line: MovingLine, car: Car, t: float, phase: int, snapshot: LineSnapshot
 ) -> LineSnapshot:
-    """The snapshot with s and the point of the rope below a car off the rope, with their rates."""
-    position, speed, _ = line.prescribed_position_with_rates(car, t, phase)
+    """The snapshot with s of the rope below a car off the rope, and the car's point there, with their rates.
+
+    The rope, which is light, comes across to the car: a car that came to the rope would need an impulse of the shoe.
+    """
     assert car.rail is not None
     saddle = car.rail.saddle
+    with_rates = snapshot.points[car.name]
+    point, velocity, _ = with_rates
     if car.along == "s":
-        s = position
-        ds = speed
+        s, ds, _ = line.prescribed_position_with_rates(car, t, phase)
         r, tangent, w = snapshot.rope(s)
         # the grip has acted on the saddle: the rope up to the car takes the stretch of its other side
         behind, ahead = (np.hypot(*snapshot.rope_slope_beside(saddle, side)) for side in (-1.0, 1.0))
         r = r + (behind - ahead) * abs(s - snapshot.s[saddle]) * tangent / np.hypot(*tangent)
     else:
         s = snapshot.s[car.name]
-        for _ in range(8):  # to find the rope below a car
+        for _ in range(8):  # to find the nearest point of the rope
             r, tangent, w = snapshot.rope(s)
-            s += (position - r[0]) / tangent[0]
-        ds = (speed - w[0]) / tangent[0]
-        r = np.array([position, r[1]])
-    point_with_rates = np.array([r, w + ds * tangent, 0.0 * r])
+            s += (point - r) @ tangent / (tangent @ tangent)
+        ds = (velocity - w) @ tangent / (tangent @ tangent)
+    normal = np.array([-tangent[1], tangent[0]]) / np.hypot(*tangent)
+    of_rope = np.array([r, w + ds * tangent])
+    across = (with_rates[:2] - of_rope) @ normal
+    point_with_rates = np.array([*(of_rope + np.outer(across, normal)), with_rates[2]])
     return snapshot._replace(
         s=snapshot.s | {car.name: s},
         ds=snapshot.ds | {car.name: ds},

@@ -59,12 +59,14 @@ def test_the_shoe_does_no_work(motion_over_tower):
     np.testing.assert_allclose(x.energy - x.energy[0], work, atol=8e-3 * np.ptp(x.energy))
 
 
-def test_the_path_does_not_step_at_an_event(motion_over_tower):
+def test_neither_path_nor_velocity_of_a_car_steps_at_an_event(motion_over_tower):
+    """The shoe would need an impulse; a car that grips goes along the rope to where the stretch of its other side ends."""
     x = motion_over_tower.motion
     jumps = np.flatnonzero(np.diff(x.t) == 0.0)
     car = x.cars[0]
-    assert np.abs(np.diff(car.point, axis=0)[jumps]).max() < 0.01
-    assert np.abs(np.diff(car.velocity, axis=0)[jumps]).max() < 0.03
+    hauled = np.isfinite(car.haul_force[0])
+    assert np.abs(np.diff(car.point, axis=0)[jumps]).max() < (1e-9 if hauled else 0.01)
+    assert np.abs(np.diff(car.velocity, axis=0)[jumps]).max() < (1e-9 if hauled else 5e-4)
 
 
 def test_the_tower_carries_rope_and_car(motion_over_tower):
