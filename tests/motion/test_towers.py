@@ -60,7 +60,7 @@ def test_the_shoe_does_no_work(motion_over_tower):
 
 
 def test_neither_path_nor_velocity_of_a_car_steps_at_an_event(motion_over_tower):
-    """The shoe would need an impulse; a car that grips goes along the rope to where the stretch of its other side ends."""
+    """The shoe would need an impulse; a car that grips goes along the rope by the stretch of its other side."""
     x = motion_over_tower.motion
     jumps = np.flatnonzero(np.diff(x.t) == 0.0)
     car = x.cars[0]
