@@ -20,12 +20,12 @@ Sampled = Callable[[Array], Array]  # takes samples of values at steps
 
 def dot(a: ComplexVector, b: ComplexVector) -> Array:
     """a_x b_x + a_y b_y."""
-    return np.asarray((np.conj(a) * b).real)
+    return (np.conj(a) * b).real
 
 
 def cross_product(a: ComplexVector, b: ComplexVector) -> Array:
     """a_x b_y - a_y b_x."""
-    return np.asarray((np.conj(a) * b).imag)
+    return (np.conj(a) * b).imag
 
 
 def to_complex(points: Array) -> ComplexVector:
@@ -61,14 +61,6 @@ class RopeContact:
         self.turn = ahead - behind
         self.along = np.zeros(self.ds.size)  # f along the rope inside the pair
         self.load_taken_by_shoe = np.zeros(self.ds.size)  # of the load, normal to tau
-
-    def set_load_taken_by_shoe(self, force_normal_to_path: Array, contact_velocity: ComplexVector) -> None:
-        """Set what a shoe takes of the load normal to tau [N], from its force normal to the path [N]."""
-        speed = np.abs(contact_velocity)
-        along_path = np.abs(dot(contact_velocity, self.tau))
-        self.load_taken_by_shoe = force_normal_to_path * np.divide(
-            along_path, speed, out=np.ones_like(speed), where=speed > 0.0
-        )
 
     @property
     def force_on_rope(self) -> ComplexVector:
@@ -110,8 +102,11 @@ class CarBody:
         self.travel_rate = velocity.real if in_x else sampled(car.ds)
         self.arms = [0.0 * point]  # contact less c
         self.touching = [RopeContact(car, car.contact_force, sampled)]
-        self.touching[0].set_load_taken_by_shoe(sampled(car.shoe_force), velocity)
         self.e = self.touching[0].tau
+        speed = np.abs(velocity)
+        # a shoe pushes across the car's path, which is not quite along the rope
+        cosine = np.divide(np.abs(dot(velocity, self.e)), speed, out=np.ones_like(speed), where=speed > 0.0)
+        self.touching[0].load_taken_by_shoe = sampled(car.shoe_force) * cosine
         mass = data["mass"]
         contact_mass = 0.0  # mass at the contact
         if self.has_cabin:
@@ -228,12 +223,12 @@ class CarBody:
     def kinetic_energy(self) -> Array:
         """(n,) [J]."""
         energies = [0.5 * m * np.abs(v) ** 2 for m, _, v in self.masses]
-        return np.asarray(sum(energies) + 0.5 * self.inertia * self.rate**2)
+        return sum(energies) + 0.5 * self.inertia * self.rate**2
 
     @property
     def potential_energy(self) -> Array:
         """(n,) [J]."""
-        return np.asarray(-self.g * sum(m * point.imag for m, point, _ in self.masses))
+        return -self.g * sum(m * point.imag for m, point, _ in self.masses)
 
     @property
     def momentum(self) -> ComplexVector:

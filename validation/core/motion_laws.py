@@ -29,12 +29,14 @@ from scipy.interpolate import CubicSpline
 
 from validation.core.motion_bodies import CarBody, drive_mode, is_hauled_in_x, to_complex, to_vectors
 from validation.core.scene_data import (
+    DOWN,
     ROUNDING,
     Array,
     LineData,
     min_height_over,
     obstacle_and_ground_profiles,
     rope_stresses_at_wheel,
+    series_faults,
 )
 from validation.core.stored_files import Entries, damaged_files_are_faults, read_csv_columns
 from validation.core.timetable import Timetable
@@ -90,19 +92,13 @@ class LineTables(LineData):
 def tension_behind_or_ahead(contact: Any) -> Array:
     """Tension (n,) [N] behind a contact, or that ahead at the left end; a saddle has the same on both sides."""
     behind = contact.tension_behind
-    return np.asarray(np.where(np.isnan(behind), contact.tension_ahead, behind))
+    return np.where(np.isnan(behind), contact.tension_ahead, behind)
 
 
 def mean_tension(contact: Any) -> Array:
     """Mean (n,) [N] of the tensions behind and ahead of a contact or car, or the only one."""
     sides = np.array([contact.tension_behind, contact.tension_ahead])
-    return np.asarray(np.where(np.isnan(sides), sides[::-1], sides).mean(axis=0))
-
-
-def contacts_cars_and_rear_wheels(motion: Any) -> list[Any]:
-    """All that touches the rope; a car of two wheels stands for its front one."""
-    rear = [car.turning.wheels[0] for car in motion.cars if car.turning is not None and car.turning.wheels]
-    return [*motion.contacts, *motion.cars, *rear]
+    return np.where(np.isnan(sides), sides[::-1], sides).mean(axis=0)
 
 
 class RopeChain(NamedTuple):
@@ -115,7 +111,8 @@ class RopeChain(NamedTuple):
 
 def rope_chain(motion: Any) -> RopeChain:
     """The rope of a motion; stations beyond it are put at the first contact."""
-    touching = contacts_cars_and_rear_wheels(motion)
+    rear_wheels = [car.turning.wheels[0] for car in motion.cars if car.turning is not None and car.turning.wheels]
+    touching = [*motion.contacts, *motion.cars, *rear_wheels]  # a car of two wheels stands for its front one
     first = motion.contacts[0]
     on_rope = np.isfinite(motion.tension)  # (n, stations)
     s = np.where(on_rope, motion.s, first.s[:, None])
@@ -153,7 +150,12 @@ class SampledMotion:
         self.kinetic = self._kinetic_energy_of_rope(motion)
 
     def at_samples(self, values: Array) -> Array:
-        return np.asarray(values[self.taken])
+        return values[self.taken]
+
+    @property
+    def turning_bodies(self) -> list[CarBody]:
+        """Cabins that swing, and cars on two wheels."""
+        return [body for body in self.bodies if body.turning is not None]
 
     def _kinetic_energy_of_rope(self, motion: Any) -> Array:
         """By the velocities of its stations (n,) [J]."""
@@ -163,58 +165,54 @@ class SampledMotion:
         v2 = np.nan_to_num((velocity**2).sum(axis=2))  # (., m)
         length = np.gradient(motion.s)
         rows = np.cumsum(once) - 1
-        return np.asarray(0.5 * self.line.rho * (v2 @ length)[rows])
+        return 0.5 * self.line.rho * (v2 @ length)[rows]
+
+
+def pieces_between_jumps(t: Array) -> list[NDArray[np.intp]]:
+    """Indices of the times t (n,) in pieces between jumps, at which a time stands twice."""
+    return np.split(np.arange(t.size), np.flatnonzero(np.diff(t) <= 0.0) + 1)
 
 
 def every_nth_step(t: Array, n: int) -> NDArray[np.intp]:
-    """Indices of every n-th of the times t, and of both sides of each jump, where a time stands twice."""
-    jumps = np.flatnonzero(np.diff(t) <= 0.0)
-    firsts = [0, *(jumps + 1)]
-    lasts = [*jumps, t.size - 1]
-    pieces = [np.append(np.arange(first, last, n), last) for first, last in zip(firsts, lasts, strict=True)]
-    return np.concatenate([np.unique(piece) for piece in pieces])
+    """Indices of every n-th of the times t, and of both sides of each jump."""
+    pieces = [np.append(piece[::n], piece[-1]) for piece in pieces_between_jumps(t)]
+    return np.unique(np.concatenate(pieces))
 
 
-class TimeWindow(NamedTuple):
-    """A window of time with its weight W(t) = (1 - cos x)^2/4 and the derivatives, at samples `part` (k,)."""
+class TimeWindows(NamedTuple):
+    """Rows (WINDOWS, n) with `W @ f` = int W f dt of values f (n, ...) at times t, W = (1 - cos x)^2/4 in each window.
 
-    part: slice
-    t: Array
+    W1, W2 : the same for W' and W''; that of W'' and a linear function is exactly zero.
+    """
+
     W: Array
     W1: Array
     W2: Array
 
-    def integral(self, values: Array) -> Array:
-        """Integral over time of values (k, ...) in the window."""
-        steps = np.diff(self.t).reshape(-1, *[1] * (values.ndim - 1))
-        return np.asarray((0.5 * (values[1:] + values[:-1]) * steps).sum(axis=0))
-
-    def weighted_integral(self, values: Array) -> float:
-        """int W f dt of values f (n,) at all samples."""
-        return float(self.integral(self.W * values[self.part]))
-
-    @property
-    def duration(self) -> float:
-        """int W dt [s]."""
-        return float(self.integral(self.W))
-
-
-def _time_windows(t: Array, end: float) -> Iterator[TimeWindow]:
-    """WINDOWS windows, spread over the times t up to `end`."""
-    share = 0.25  # length of a window over the run's
-    length = share * end
-    for middle in np.linspace(0.5 * length, end - 0.5 * length, WINDOWS):
-        begin = middle - 0.5 * length
-        low = max(int(np.searchsorted(t, begin)) - 1, 0)
-        part = slice(low, int(np.searchsorted(t, begin + length, side="right")) + 1)
+    @classmethod
+    def over(cls, t: Array, end: float) -> TimeWindows:
+        """Windows that are spread over the times t (n,) up to `end`."""
+        share = 0.25  # length of a window over the run's
+        length = share * end
+        begins = np.linspace(0.0, end - length, WINDOWS)[:, None]
         k = 2.0 * math.pi / length
-        x = np.clip(k * (t[part] - begin), 0.0, 2.0 * math.pi)
+        x = np.clip(k * (t - begins), 0.0, 2.0 * math.pi)  # (WINDOWS, n)
         cos = np.cos(x)
         sin = np.sin(x)
-        W = 0.25 * (1.0 - cos) ** 2
-        W1 = 0.5 * k * (1.0 - cos) * sin
-        W2 = 0.5 * k**2 * (sin**2 + (1.0 - cos) * cos)
-        yield TimeWindow(part, t[part], W, W1, W2)
+        steps = np.diff(t, prepend=t[0], append=t[-1])
+        dt = 0.5 * (steps[1:] + steps[:-1])  # of trapezoids (n,)
+        W2 = 0.5 * k**2 * (sin**2 + (1.0 - cos) * cos) * dt
+        rows = np.arange(WINDOWS)
+        first = np.maximum(np.searchsorted(t, begins[:, 0]) - 1, 0)
+        last = np.minimum(np.searchsorted(t, begins[:, 0] + length, side="right"), t.size - 1)
+        W2[rows, last] -= np.sum(W2 * (t - t[first, None]), axis=1) / (t[last] - t[first])
+        W2[rows, first] -= W2.sum(axis=1)
+        return cls(0.25 * (1.0 - cos) ** 2 * dt, 0.5 * k * (1.0 - cos) * sin * dt, W2)
+
+    @property
+    def durations(self) -> Array:
+        """int W dt (WINDOWS,) [s]."""
+        return self.W.sum(axis=1)
 
 
 def energy_defect_over_all_work(t: Array, energy: Array, kinetic: Array, powers: Sequence[Array]) -> Array:
@@ -224,7 +222,7 @@ def energy_defect_over_all_work(t: Array, energy: Array, kinetic: Array, powers:
     """
     work = cumulative_trapezoid(sum(powers, np.zeros(t.size)), t, initial=0.0)
     all_work = sum(float(np.trapezoid(np.abs(power), t)) for power in powers) + float(np.ptp(kinetic))
-    return np.asarray((energy - energy[0] - work) / (all_work or 1.0))
+    return (energy - energy[0] - work) / (all_work or 1.0)
 
 
 # --- laws -------------------------------------------------------------------------------------------------------------
@@ -233,10 +231,8 @@ def energy_defect_over_all_work(t: Array, energy: Array, kinetic: Array, powers:
 def momentum_defects_by_window(x: SampledMotion, end: float) -> Array:
     """Defects (WINDOWS, 2) of the momentum of rope and cars in x and y, over the largest tension."""
     line = x.line
-    moment = line.rho * x.rope_moment  # (n, 2)
-    force = np.zeros_like(moment)
-    force[:, 1] = line.q * x.rope_length
-    momentum = np.zeros_like(moment)  # of cars
+    force = line.q * x.rope_length[:, None] * DOWN  # (n, 2)
+    momentum = np.zeros_like(force)  # of cars
     for body in x.bodies:
         weight = 1j * body.data["mass"] * line.gravity
         force += to_vectors(body.force + body.drag + weight)
@@ -247,34 +243,24 @@ def momentum_defects_by_window(x: SampledMotion, end: float) -> Array:
     entering = line.rho * (at_ends[-1] - at_ends[0])
     touching = [*x.contacts, *x.cars]
     largest = max(float(np.max(x.at_samples(mean_tension(body)))) for body in touching)
-    defects = []
-    for window in _time_windows(x.t, end):
-        m = moment[window.part]
-        t = window.t
-        share = ((t - t[0]) / (t[-1] - t[0]))[:, None]
-        m = m - (m[0] + share * (m[-1] - m[0]))  # W'' and a linear function have no integral
-        change = window.W2[:, None] * m
-        change += window.W1[:, None] * (entering[window.part] - momentum[window.part])
-        moved = window.W1[:, None] * (moment[window.part] - moment[0]) + window.W[:, None] * entering[window.part]
-        change -= line.damping_rate * moved
-        defect = window.integral(change - window.W[:, None] * force[window.part])
-        defects.append(defect / (window.duration * largest))
-    return np.array(defects)
+    windows = TimeWindows.over(x.t, end)
+    moment = line.rho * (x.rope_moment - x.rope_moment[0])
+    change = windows.W2 @ moment + windows.W1 @ (entering - momentum)
+    change -= line.damping_rate * (windows.W1 @ moment + windows.W @ entering)
+    return (change - windows.W @ force) / (largest * windows.durations[:, None])
 
 
 def counterweight_defects_by_window(x: SampledMotion, end: float) -> Array:
-    """Defects of the motion of counterweights, over their forces."""
+    """Defects (counterweights, WINDOWS) of their motion, over their forces."""
     line = x.line
+    windows = TimeWindows.over(x.t, end)
     defects = []
     for outward, k, table in line.counterweights:
         G = table["tension"]
         contact = x.contacts[k]
         N = x.at_samples(tension_behind_or_ahead(contact))
         rise_rate = outward * (1.0 + G / line.EA) * x.at_samples(contact.ds)
-        for window in _time_windows(x.t, end):
-            impulse = window.W * (N[window.part] - G)
-            change = window.W1 * G / line.gravity * rise_rate[window.part]
-            defects.append(float(window.integral(impulse + change)) / (G * window.duration))
+        defects.append((windows.W @ (N / G - 1.0) + windows.W1 @ rise_rate / line.gravity) / windows.durations)
     return np.array(defects)
 
 
@@ -302,58 +288,48 @@ def energy_defects(x: SampledMotion, end: float) -> Array:
 
 
 def body_moment_defects_by_window(x: SampledMotion, end: float) -> Array:
-    """Defects of the moment of momentum of cabins and cars on two wheels, over their weight and size."""
+    """Defects (bodies, WINDOWS) of the moment of momentum of cabins and two-wheel cars, over their weight and size."""
+    windows = TimeWindows.over(x.t, end)
     defects = []
-    for body in x.bodies:
-        if body.turning is None:
-            continue
+    for body in x.turning_bodies:
         moment, momentum = body.moment_and_angular_momentum()
         scale = body.masses[1][0] * body.g * body.size
-        for window in _time_windows(x.t, end):
-            change = window.W * moment[window.part] + window.W1 * momentum[window.part]
-            defects.append(float(window.integral(change)) / (scale * window.duration))
+        defects.append((windows.W @ moment + windows.W1 @ momentum) / (scale * windows.durations))
     return np.array(defects)
 
 
 def turning_body_force_defects_by_window(x: SampledMotion, end: float) -> Array:
-    """Defects of the forces of cabins and wheels on the rope, by its tensions and slopes there, over the weight."""
+    """Defects (contacts, WINDOWS) of the forces of cabins and wheels on the rope, by its kinks, over weight."""
+    windows = TimeWindows.over(x.t, end)
     defects = []
-    for body in x.bodies:
-        weight = body.data["mass"] * body.g
-        for touching in body.touching if body.turning is not None else ():
+    for body in x.turning_bodies:
+        for touching in body.touching:
             defect = touching.force_on_rope - touching.force_on_rope_by_kink(x.line.rho)
-            for window in _time_windows(x.t, end):
-                along = window.weighted_integral(defect.real)
-                down = window.weighted_integral(defect.imag)
-                defects.append(math.hypot(along, down) / (weight * window.duration))
+            defects.append(np.abs(windows.W @ defect) / (body.data["mass"] * body.g * windows.durations))
     return np.array(defects)
 
 
 def centre_of_mass_defects(x: SampledMotion, end: float) -> Array:
     """Distances beyond rounding of centres of mass from where contacts and angles put them, over the body's size."""
     distances = []
-    for body in x.bodies:
-        if body.turning is not None:
-            centre = to_complex(x.at_samples(body.turning.centre))
-            distances.append(np.max(np.abs(centre - body.c)) / body.size)
-    return np.asarray(np.maximum(np.array(distances) - ROUNDING, 0.0))
+    for body in x.turning_bodies:
+        centre = to_complex(x.at_samples(body.turning.centre))
+        distances.append(np.max(np.abs(centre - body.c)) / body.size)
+    return np.maximum(np.array(distances) - ROUNDING, 0.0)
 
 
 def holding_force_excesses_by_window(x: SampledMotion, end: float) -> Array:
-    """Means of the forces that hold standing cars, by the rope's tensions, beyond friction and brakes, over the weight.
+    """Means (cars, WINDOWS) of forces that hold standing cars, beyond friction and brakes, over the weight.
 
-    Waves in the rope pass the limit for moments; the mean of a car that stays does not.
+    By the rope's tensions: waves pass the limit for moments; the mean of a car that stays does not.
     """
+    windows = TimeWindows.over(x.t, end)
     excesses = []
     for body in x.bodies:
-        held = body.held_by_friction * body.touching[-1].along
-        largest = body.held_by_friction * body.resistance
-        weight = body.data["mass"] * body.g
-        for window in _time_windows(x.t, end):
-            needed = abs(window.weighted_integral(held))
-            excess = needed - window.weighted_integral(largest)
-            excesses.append(max(excess, 0.0) / (weight * window.duration))
-    return np.array(excesses)
+        needed = np.abs(windows.W @ (body.held_by_friction * body.touching[-1].along))
+        largest = windows.W @ (body.held_by_friction * body.resistance)
+        excesses.append((needed - largest) / (body.data["mass"] * body.g * windows.durations))
+    return np.maximum(excesses, 0.0)
 
 
 def timetable_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
@@ -471,16 +447,12 @@ def laws_that_apply(line: LineTables, motions: Sequence[Any]) -> dict[str, Law]:
     return laws
 
 
-def faults_of_line_files(folder: Path, motion: Any, design: Sequence[dict[str, Any]], period: float) -> list[str]:
+@damaged_files_are_faults
+def faults_of_line_files(folder: Path, motion: Any, design: Sequence[dict[str, Any]], period: float) -> Iterator[str]:
     """Faults of path-NAME.csv, contacts.csv and the design numbers, each a sentence; none where all is as computed.
 
     period : [s] over which printed forces are means.
     """
-    return list(_line_file_faults(folder, motion, design, period))
-
-
-@damaged_files_are_faults
-def _line_file_faults(folder: Path, motion: Any, design: Sequence[dict[str, Any]], period: float) -> Iterator[str]:
     files = _LineFiles(folder, motion, period)
     balance = 1e-3  # of a load by hand: elements balance a car along the rope in the mean over its segments
     for car in motion.cars:
@@ -560,7 +532,7 @@ class _LineFiles:
         else:
             values = self._averaged_series(f"{name}:{of}" if of else name)
         if name in ("grip", "contact") and drive_mode(self.line.cars[of]) == "grip":
-            values = self._moving_means(values)  # a car that grips rings: means of means
+            values = _moving_means(self.t, values, self.period)  # a car that grips rings: means of means
         now = self.t == self.t[np.argmin(np.abs(self.t - number["t"]))]
         pick = np.max if word == "max" else np.min
         return [float(pick(values)), float(pick(values[:, now]))]
@@ -570,20 +542,17 @@ class _LineFiles:
         kind = quantity.partition(":")[0]
         values = np.array(self._columns_by_quantity[quantity])
         if kind.startswith(("tension", "haul", "grip", "contact", "load", "wheel", "stress")):
-            values = self._moving_means(values)
+            values = _moving_means(self.t, values, self.period)
         return np.hypot(*values)[None] if kind == "load" else values
-
-    def _moving_means(self, rows: Array) -> Array:
-        return np.array([_moving_mean(self.t, values, self.period) for values in rows])
 
     def _min_clearance(self, kind: str, body_over_obstacle: str) -> float:
         """Smallest height [m] of a car over an obstacle or the ground; of kind clearance_rope of rope and cars."""
         body, _, over = body_over_obstacle.rpartition(" over ")
         profile = self.profiles[over]
         if kind == "clearance_rope":
-            at_cars = [min_height_over(profile, path["x"], path["y"]) for path in self.paths.values()]
-            span = self.line.contacts[-1]["at"][0]
-            return min(_min_height_of_rope(profile, self.motion, span), *at_cars)
+            curves = [(path["x"], path["y"]) for path in self.paths.values()]
+            curves += [points.T for points in rope_chain(self.motion).points]
+            return min(min_height_over(profile, x, y) for x, y in curves)
         path = self.paths[body]
         return min_height_over(profile, path["x"], path["y"]) - self.line.cars[body].get("below", 0.0)
 
@@ -639,48 +608,24 @@ def _wheel_loads_by_hand(line: LineTables, car: Any, motion: Any) -> dict[str, A
     return {"wheel_rear": rope.load - front, "wheel_front": front}
 
 
-def _min_height_of_rope(profile: Array, motion: Any, span: float) -> float:
-    """Smallest height [m] over a profile (m, 2) of the rope, straight between stations, cars and contacts."""
-    x, depth = profile.T
-    beneath = (x >= 0.0) & (x <= span)
-    heights = []
-    for i in range(motion.t.size):
-        known = np.isfinite(motion.tension[i])
-        stations = np.column_stack([motion.s[known], motion.points[i, known]])  # rows s, x, y
-        bodies = [[body.s[i], *body.point[i]] for body in contacts_cars_and_rear_wheels(motion)]
-        chain = np.concatenate([stations, bodies])
-        _, x_rope, y = chain[np.argsort(chain[:, 0], kind="stable")].T
-        inside = (x_rope >= x[0]) & (x_rope <= x[-1])
-        at_corners = depth[beneath] - np.interp(x[beneath], x_rope, y)
-        at_vertices = np.interp(x_rope[inside], x, depth) - y[inside]
-        heights += [at_corners.min(initial=math.inf), at_vertices.min(initial=math.inf)]
-    return float(min(heights))
-
-
 def _column_faults(
     file: str, table: dict[str, Array], expected: dict[str, Array], rounding: float = ROUNDING
 ) -> Iterator[str]:
-    """A sentence for each expected column (n,) that the table lacks or has with other values."""
+    """Faults of the expected columns (n,) of a table."""
     for name, values in expected.items():
-        scale = np.max(np.abs(values), initial=0.0, where=np.isfinite(values))
-        allowed = rounding * float(scale) + 1e-12
-        column = table.get(name, np.empty(0))
-        same_shape = column.shape == values.shape
-        if not (same_shape and np.allclose(column, values, rtol=0.0, atol=allowed, equal_nan=True)):
-            yield f"{file}: {name} is not what was computed"
+        for fault in series_faults(name, table.get(name, np.empty(0)), values, rounding):
+            yield f"{file}: {fault}"
 
 
-def _moving_mean(t: Array, values: Array, period: float) -> Array:
-    """Means over the `period` around each time, inside the run; the values follow splines between jumps."""
+def _moving_means(t: Array, rows: Array, period: float) -> Array:
+    """Means of rows (k, n) over the `period` around each time, inside the run; they follow splines between jumps."""
     latest = max(t[-1] - period, t[0])
     begins = np.clip(t - 0.5 * period, t[0], latest)
     ends = np.minimum(begins + period, t[-1])
-    total = np.zeros(t.size)
-    jumps = np.flatnonzero(np.diff(t) <= 0.0)
-    for part in np.split(np.arange(t.size), jumps + 1):
+    total = np.zeros_like(rows)
+    for part in pieces_between_jumps(t):
         if part.size > 1:
-            integral = CubicSpline(t[part], values[part]).antiderivative()
-            first = t[part[0]]
-            last = t[part[-1]]
-            total += integral(np.clip(ends, first, last)) - integral(np.clip(begins, first, last))
+            integral = CubicSpline(t[part], rows[:, part], axis=1).antiderivative()
+            begin, end = np.clip([begins, ends], t[part[0]], t[part[-1]])
+            total += integral(end) - integral(begin)
     return total / (ends - begins)

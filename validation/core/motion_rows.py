@@ -14,7 +14,7 @@ from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from cablefem.motion import CarMotion, ContactMotion, LineMotion
 from cablefem.newmark import Work
@@ -24,7 +24,13 @@ from cablefem.scene.line import Line, LineRope
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.clearances import heights_along_path, min_rope_heights, obstacle_and_ground_profiles
 from validation.core.ladder import Ladder, max_distance, row_with_error_bars
-from validation.core.motion_laws import energy_defect_over_all_work, every_nth_step, rope_chain, tension_behind_or_ahead
+from validation.core.motion_laws import (
+    energy_defect_over_all_work,
+    every_nth_step,
+    pieces_between_jumps,
+    rope_chain,
+    tension_behind_or_ahead,
+)
 from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel
 
 ANGLES = ("swing", "pitch")
@@ -102,24 +108,14 @@ def moving_means(t: Array, values: Array, period: float) -> Array:
     """
     if not np.isfinite(values).all():
         return np.full_like(values, np.nan)
-    steps = np.arange(t.size)
-    jumps = np.flatnonzero(np.diff(t) <= 0.0)
-    pieces = [piece for piece in np.split(steps, jumps + 1) if piece.size > 1]
-    starts = [t[piece[0]] for piece in pieces]
+    pieces = [piece for piece in pieces_between_jumps(t) if piece.size > 1]
+    cubics = np.concatenate([CubicSpline(t[piece], values[piece]).c for piece in pieces], axis=1)
+    integral = PPoly(cubics, np.unique(t)).antiderivative()
     latest = max(t[-1] - period, t[0])
     low = np.clip(t - 0.5 * period, t[0], latest)
     high = np.minimum(low + period, t[-1])
-    ends = np.stack([low, high])  # (2, n)
-    piece_of_end = np.clip(np.searchsorted(starts, ends, side="right") - 1, 0, None)
-    integrals = np.empty((2, *values.shape))
-    before = np.zeros(values.shape[1:])
-    for k, piece in enumerate(pieces):
-        integral = CubicSpline(t[piece], values[piece]).antiderivative()
-        here = piece_of_end == k
-        integrals[here] = before + integral(ends[here])
-        before = before + integral(t[piece[-1]])
     duration = (high - low).reshape(-1, *[1] * (values.ndim - 1))
-    return (integrals[1] - integrals[0]) / duration
+    return (integral(high) - integral(low)) / duration
 
 
 class Norm(NamedTuple):
@@ -129,8 +125,7 @@ class Norm(NamedTuple):
     required: float
 
 
-@dataclass(frozen=True, slots=True)
-class Scales:
+class Scales(NamedTuple):
     """What gaps are relative to."""
 
     path: float  # [m] largest deflection of a car from the empty rope
@@ -138,8 +133,7 @@ class Scales:
     weights: dict[str, float]  # [N] by car
 
 
-@dataclass(frozen=True, slots=True)
-class LineTolerance:
+class LineTolerance(NamedTuple):
     """Allowed gaps of the path, and of mean forces."""
 
     path: float
@@ -163,7 +157,7 @@ def series_of_body(name: str, field: str) -> Series:
 
 
 def distances(a: Array, b: Array) -> Array:
-    """Distances (n,) of series (n,) or of points (n, 2)."""
+    """Distances (n,) of series (n,) or of points (n, k)."""
     difference = np.abs(a - b)
     return difference if difference.ndim == 1 else np.linalg.norm(difference, axis=1)
 
@@ -198,13 +192,14 @@ class LineComparison:
         for contact in first.motion.contacts:
             yield from self._contact_rows(contact)
         yield from self._rope_shape_and_tension_rows()
-        yield from self._energy_balance_rows()
+        for ladder in (self.a, self.b):
+            yield law_row(ladder, "energy", "work of all powers", relative_unbalanced_work, self.end)
         yield from self._event_rows()
 
     def _series_row(
         self, quantity: str, law: str, series: Series, norm: Norm, passes: int = 0, rms: bool = False
     ) -> Agreement:
-        """Row of the largest distance, or of its rms, of a series (n,) or (n, 2).
+        """Row of the largest distance, or of its rms, of a series (n,) or (n, k).
 
         passes : see `LineRun.mean_over_axial_round_trip`.
         """
@@ -276,32 +271,18 @@ class LineComparison:
         on_rope = np.all([np.isfinite(run.motion.tension).all(axis=0) for run in runs], axis=0)
 
         def points(moved: Any) -> Array:
-            return np.asarray(moved.motion.points[:, on_rope])
+            return moved.motion.points[:, on_rope].reshape(moved.motion.t.size, -1)
 
         def tension(moved: Any) -> Array:
-            return np.asarray(moved.motion.tension[:, on_rope])
+            return moved.motion.tension[:, on_rope]
 
-        yield self._rms_field_row("rope", points, self.scales.path)
-        yield self._rms_field_row("rope_tension", tension, self.scales.tension)
-
-    def _rms_field_row(self, quantity: str, field: Series, scale: float) -> Agreement:
-        """field : (n, ...) of a run."""
-
-        def values_at_instants(moved: Any) -> Array:
-            return moved.at_common_instants(field(moved), self.end)
-
-        def rms(a: Array, b: Array) -> float:
-            mean_square = np.mean((a - b) ** 2)
-            return float(np.sqrt(mean_square)) / scale
-
-        gap = rms(values_at_instants(self.a.finest), values_at_instants(self.b.finest))
-        parts = [ladder.bars_in_space_and_time(values_at_instants, rms) for ladder in (self.a, self.b)]
-        return row_with_error_bars(quantity, gap, (self.a, self.b), parts, self.tolerance.fields)
-
-    def _energy_balance_rows(self) -> Iterator[Agreement]:
-        """Of each method: energy less the work of its powers stays as it is."""
-        for ladder in (self.a, self.b):
-            yield law_row(ladder, "energy", "work of all powers", relative_unbalanced_work, self.end)
+        for quantity, field, scale in (
+            ("rope", points, self.scales.path),
+            ("rope_tension", tension, self.scales.tension),
+        ):
+            size = field(runs[0]).shape[1]  # numbers at an instant: their distance is a root of the sum of squares
+            norm = Norm(scale * math.sqrt(size), self.tolerance.fields)
+            yield self._series_row(quantity, "", field, norm, rms=True)
 
     def _event_rows(self) -> Iterator[Agreement]:
         """A row of the names and times of the events, if any run has one."""
@@ -315,8 +296,7 @@ class LineComparison:
         if event_names(a) == event_names(b):
             gap = max_distance(event_times(a), event_times(b)) / self.end
             if a.events and not np.any(parts):
-                in_runs = partial(_event_times_over, end=self.end)
-                parts = [ladder.bars_in_space_and_time(in_runs) for ladder in ladders]
+                parts = [ladder.bars_in_space_and_time(lambda run: event_times(run) / self.end) for ladder in ladders]
         yield row_with_error_bars("events", gap, ladders, parts, self.tolerance.path)
 
 
@@ -326,10 +306,6 @@ def event_names(moved: LineRun) -> tuple[str, ...]:
 
 def event_times(moved: LineRun) -> Array:
     return np.array([t for _, t in moved.events])
-
-
-def _event_times_over(moved: LineRun, end: float) -> Array:
-    return event_times(moved) / end
 
 
 def relative_unbalanced_work(moved: LineRun, every: int = 1) -> Array:

@@ -1,7 +1,8 @@
-"""What second computations share: a scene's numbers, units of printed numbers, ice, means, and distances of curves."""
+"""What second computations share: a scene's numbers, units, ice, means, and distances of curves and series."""
 
 import math
 import tomllib
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -69,7 +70,7 @@ def means_around_times(t: Array, values: Array, at: Array, period: float) -> Arr
     end = np.clip(at + 0.5 * period, t[0], t[-1])
     duration = (end - begin).reshape(-1, *[1] * (values.ndim - 1))
     integral = total(end) - total(begin)
-    return np.asarray(integral / duration)
+    return integral / duration
 
 
 def is_within(t: Array, begin: float, end: float) -> NDArray[np.bool_]:
@@ -122,6 +123,20 @@ def air_drag_factor(drive: dict[str, Any]) -> float:
     return float(0.5 * drive.get("air_density", 1.2) * drive.get("drag_area", 0.0))
 
 
+def series_faults(
+    name: str, written: Array, expected: Array, rounding: float = ROUNDING, scale: float | None = None
+) -> Iterator[str]:
+    """A fault if a series, or where it is nan, differs; rounding : over a scale, by default the largest value."""
+    same_rows = written.shape == expected.shape and np.array_equal(np.isnan(written), np.isnan(expected))
+    if not same_rows:
+        yield f"{name} has other rows than were computed"
+        return
+    off = float(np.nanmax(np.abs(written - expected), initial=0.0))
+    scale = scale or float(np.nanmax(np.abs(expected), initial=0.0)) or 1.0
+    if off > rounding * scale:
+        yield f"{name} is not what was computed: off by {off:.3g} of {scale:.3g}"
+
+
 class LineData:
     """What laws of a line at rest and in motion read of its TOML, SI."""
 
@@ -158,16 +173,12 @@ class OneSpanData:
         self.cable = cable
         self.wind = x.get("wind", {})
         if "ice" in cable or "temperature" in cable:
-            self._apply_heat_and_ice(cable, length)
+            weight = self.rho * self.gravity
+            l, mean_tension = _catenary_length_and_mean_tension(self.span, self.drop, weight, *self.prescribed)
+            self.rho = (self.rho + ice_mass_per_length(cable)) * l / length
+            natural = l / (1.0 + mean_tension / self.EA)
+            self.prescribed = "unstretched", natural * thermal_stretch(cable)
         self.round_trip = 2.0 * length * math.sqrt(self.rho / self.EA)  # of an axial wave [s]
-
-    def _apply_heat_and_ice(self, cable: dict[str, Any], length: float) -> None:
-        """Heat lengthens the unstretched cable; ice adds weight."""
-        weight = self.rho * self.gravity
-        l, mean_tension = _catenary_length_and_mean_tension(self.span, self.drop, weight, *self.prescribed)
-        self.rho = (self.rho + ice_mass_per_length(cable)) * l / length
-        natural = l / (1.0 + mean_tension / self.EA)
-        self.prescribed = "unstretched", natural * thermal_stretch(cable)
 
     def _crosswind_drag_factor(self) -> float:
         """rho_air c_D d/2 [N s^2/m^3], d with ice."""
@@ -182,10 +193,6 @@ class OneSpanData:
         """Of the wind's mean speed, per length [N/m]."""
         return self._crosswind_drag_factor() * self.wind["across"] ** 2 if self.wind else 0.0
 
-    def crosswind_damping(self) -> float:
-        """Force over velocity and length [N s/m^2]."""
-        return self._crosswind_drag_factor() * self.wind["across"] if self.wind else 0.0
-
     def damping_rate_with_wind(self, length: float, H: float) -> float:
         """Force over momentum of the cable [1/s]; its own and the crosswind's."""
         own = self.cable.get("damping", 0.0)
@@ -193,7 +200,8 @@ class OneSpanData:
             return 0.0
         ratio, rate = (0.0, own["rate"]) if isinstance(own, dict) else (own, 0.0)
         own_rate = rate + 2.0 * ratio * self._lowest_sagged_cable_angular_frequency(length, H)
-        return own_rate + self.crosswind_damping() / self.rho
+        of_wind = self._crosswind_drag_factor() * self.wind["across"] if self.wind else 0.0
+        return own_rate + of_wind / self.rho
 
     def _lowest_sagged_cable_angular_frequency(self, length: float, H: float) -> float:
         """Of the empty cable [rad/s]; in units of sqrt(tau/rho)/l antisymmetric 2 pi, symmetric

@@ -593,7 +593,7 @@ class MotionAnswers(LineAnswers):
 
     def output_faults(self, folder: Path, html: str) -> list[str]:
         table = tomllib.loads(self.line.to_toml())
-        out = motion_laws.faults_of_line_files(folder, self.motion, self.design, self.moved.period)
+        out = list(motion_laws.faults_of_line_files(folder, self.motion, self.design, self.moved.period))
         out += limit_faults(self.limits, table, self.design, ())
         out += limit_table_faults(html, self.limits)
         out += motion_design_table_faults(html, self.design)

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from validation.core.readback.files import car_points_at_frames, larger_extent_at_rest, path_csv_columns, series_faults
+from validation.core.readback.files import car_points_at_frames, larger_extent_at_rest, path_csv_columns
 from validation.core.readback.stored import Faults, Row, Run, StoredResults
 from validation.core.readback.texts import contents_of_tags
-from validation.core.scene_data import ROUNDING, Array, conversion_factor_or_nan
+from validation.core.scene_data import Array, conversion_factor_or_nan, series_faults
 from validation.core.stored_files import damaged_files_are_faults, read_csv_columns
 
 PACKED = 65535  # steps between the extremes of a packed series
@@ -83,36 +83,28 @@ BESIDE = {"speed": ("speed", "m/s"), "press on the rope": ("F_contact", "N"), "h
 
 
 def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], stored: StoredResults) -> Faults:
-    """Frames of a rope against the stored ones; a frame at rest may come first."""
+    """Faults of the frames of a rope and its car."""
     drawn = cable["touching"][0]
     run = stored.runs[stored.methods.index(drawn["name"])]
-    frames = run["fields.t"].size
     stations = np.abs(run["fields.s"][:, None] - np.array(view["s"])).argmin(axis=0)  # (m,)
-    expected = {name: run[f"fields.{name}"][:, stations] for name in ("u", "v", "T")}
-    expected["t"] = run["fields.t"]
-    series = {name: cable[name] for name in expected}
+    yield from _packed_series_faults("t", cable["t"], run["fields.t"])
+    for name in ("u", "v", "T"):
+        yield from _packed_series_faults(name, cable[name], run[f"fields.{name}"][:, stations])
     of_car = _drawn_series_of_car(run)
-    series |= {name: drawn[name] for name in of_car}
-    expected |= of_car
-    beside_car = _series_beside_car(run, of_car)
-    for beside in drawn["readout"]:
-        name, unit = _name_and_unit(beside["name"])
-        values, si = beside_car[name]
-        series[name] = beside["data"]
-        expected[name] = values / conversion_factor_or_nan(unit, si)
+    of_points = 1e-4 * larger_extent_at_rest(run)
+    for name, values in of_car.items():
+        yield from _packed_series_faults(name, drawn[name], values, of_points if name in ("x", "y") else 0.0)
+    yield from _readout_faults(drawn, _series_beside_car(run, of_car))
     if conversion_factor_or_nan(view["unitName"], "N") != view["unit"]:
         yield f"forces are in {view['unitName']} but divided by {view['unit']}"
-    of_points = 1e-4 * larger_extent_at_rest(run)
-    for name, values in expected.items():
-        yield from _packed_series_faults(name, series[name], values, of_points if name in ("x", "y") else 0.0)
-        if _unpack_series(series[name]).size not in (values.size, values.size // frames * (frames + 1)):
-            yield f"{name} has other frames than are stored"
 
 
-def _name_and_unit(label: str) -> tuple[str, str]:
-    """NAME and UNIT of "NAME [UNIT]"."""
-    name, _, unit = label.rstrip("]").partition(" [")
-    return name, unit
+def _readout_faults(drawn: dict[str, Any], known: dict[str, tuple[Array, str]]) -> Faults:
+    """Faults of series that are shown beside a car as "NAME [UNIT]";  known : series (k,) and SI units by name."""
+    for beside in drawn["readout"]:
+        name, _, unit = beside["name"].rstrip("]").partition(" [")
+        values, si = known[name]
+        yield from _packed_series_faults(name, beside["data"], values / conversion_factor_or_nan(unit, si))
 
 
 def _drawn_series_of_car(run: Run) -> dict[str, Array]:
@@ -140,9 +132,12 @@ def _series_beside_car(run: Run, of_car: dict[str, Array]) -> dict[str, tuple[Ar
 
 
 def _packed_series_faults(name: str, part: dict[str, Any], values: Array, rounding: float = 0.0) -> Faults:
-    """Faults of a packed series that ends with these values."""
+    """Faults of a packed series of values (k, ...) at frames; a frame at rest may come first."""
+    shown = _unpack_series(part)
     allowed = _packing_rounding(part) + rounding
-    yield from series_faults(name, _unpack_series(part)[-values.size :], values.ravel(), 1.0, allowed)
+    yield from series_faults(name, shown[-values.size :], values.ravel(), 1.0, allowed)
+    if shown.size not in (values.size, values.size // len(values) * (len(values) + 1)):
+        yield f"{name} has other frames than are stored"
 
 
 def _packing_rounding(part: dict[str, Any]) -> float:
@@ -153,7 +148,7 @@ def _packing_rounding(part: dict[str, Any]) -> float:
 def _unpack_series(part: dict[str, Any]) -> Array:
     """Values (n,) of a packed series."""
     steps = np.frombuffer(base64.b64decode(part["data"]), "<u2")
-    return np.asarray(part["low"] + (part["high"] - part["low"]) / PACKED * steps)
+    return part["low"] + (part["high"] - part["low"]) / PACKED * steps
 
 
 class RopeGrid(NamedTuple):
@@ -169,9 +164,8 @@ def rope_csv_and_side_view_faults(html_text: str, folder: Path, motion: Any) -> 
     rope = read_csv_columns(folder / "rope.csv")
     grid = _rope_grid(motion, np.unique(rope["t"]), np.unique(rope["s"]))
     for name, values in grid.series.items():
-        allowed = ROUNDING * np.nanmax(np.abs(values)) + 1e-12
-        if not np.allclose(rope[name], values.ravel(), rtol=0.0, atol=allowed, equal_nan=True):
-            yield f"rope.csv: {name} is not what was computed"
+        for fault in series_faults(name, rope[name], values.ravel()):
+            yield f"rope.csv: {fault}"
     if not np.allclose(rope["t"][[0, -1]], motion.t[[0, -1]], rtol=1e-9, atol=0.0):
         yield "rope.csv ends before the run does"
     for data in contents_of_tags('script type="application/json"', html_text):
@@ -225,8 +219,5 @@ def _drawn_car_faults(drawn: dict[str, Any], car: Any, steps: NDArray[np.intp], 
     columns = BESIDE | {"deflection": ("v", "m"), "swing": ("swing", "deg"), "pitch": ("pitch", "deg")}
     columns |= {f"tension {side}": (f"T_{side}", "N") for side in ("behind", "ahead")}
     columns |= {f"{side} wheel": (f"wheel_{side}", "N") for side in ("rear", "front")}
-    for beside in drawn["readout"]:
-        name, unit = _name_and_unit(beside["name"])
-        column, si = columns[name]
-        values = path[column][steps] / conversion_factor_or_nan(unit, si)
-        yield from _packed_series_faults(name, beside["data"], values)
+    shown = {name: (path[column][steps], si) for name, (column, si) in columns.items() if column in path}
+    yield from _readout_faults(drawn, shown)
