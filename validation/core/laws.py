@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -23,8 +23,7 @@ from validation.core.order import FIRST, SAFETY, error_bar
 from validation.core.scene_data import DOWN, ROUNDING, ordinate_on_unit_slope, thrust_times_and_forces
 
 
-@dataclass(frozen=True, slots=True)
-class Defect:
+class Defect(NamedTuple):
     """Defect of a law at positions s_o/l (nan: anywhere); its size is the rms, or that of the mean."""
 
     s_o: Array  # (k,)
@@ -63,20 +62,10 @@ def law_rows_in_si(
     """
     judged = _EvidenceOfLadder(ladder, window, until)
     for name, law in LAWS.items():
-        if not law.concerns(judged.finest):
-            continue
-        worst = _worst_component(law, judged)
-        bound = Bound("law", (BoundPart(ladder.finest.method, worst.bar, "coarser runs and sampling"),))
-        yield Agreement(
-            law.quantity,
-            worst.gap,
-            bound,
-            where=None if math.isnan(worst.s_o) else worst.s_o,
-            law="" if name == law.quantity else name,
-            required=tolerance(law.tolerance_kind),
-            decides=bool(law.tolerance_kind),
-            parts=(worst.parts,),
-        )
+        if law.concerns(judged.finest):
+            row = _row_of_worst_component(law, judged)
+            label = "" if name == law.quantity else name
+            yield replace(row, law=label, required=tolerance(law.tolerance_kind), decides=bool(law.tolerance_kind))
 
 
 class _EvidenceOfLadder:
@@ -93,29 +82,27 @@ class _EvidenceOfLadder:
         self.sparse_stations = stations, stations.with_halved_fields()
 
 
-class _WorstComponent(NamedTuple):
-    """The component of a law's defect that is largest over its bar."""
-
-    gap: float = math.nan
-    bar: float = math.inf
-    parts: tuple[float, float] = (math.nan, 0.0)  # of the bar, in space and time
-    s_o: float = math.nan  # over l
-
-
-def _worst_component(law: Law, judged: _EvidenceOfLadder) -> _WorstComponent:
-    """The worst component of a law's defect; nan where no frame shows the law or it is unknown."""
+def _row_of_worst_component(law: Law, judged: _EvidenceOfLadder) -> Agreement:
+    """The component of a law's defect that is largest over its bar; nan: no frame shows the law, or it is unknown."""
     defect = law.defect(judged.finest)
-    if not defect.s_o.size or not np.isfinite(defect.value).all():
-        return _WorstComponent()
-    space, time = _space_and_time_bars(law, defect, judged)
-    time = time + _sampling_bars(law, defect, judged.sparse_steps)  # more steps lessen both
-    bars = space + time + _sampling_bars(law, defect, judged.sparse_stations)
-    sizes = defect.rms_or_mean
-    i = int((sizes / bars).argmax())
-    bar = float(bars[i]) if np.isfinite(bars[i]) else math.inf
-    largest = np.abs(defect.value[:, i]).argmax()
-    parts = float(space[i]), float(time[i])
-    return _WorstComponent(float(sizes[i]), bar, parts, s_o=float(defect.s_o[largest]))
+    gap = math.nan
+    bar = math.inf
+    parts = math.nan, 0.0
+    where = None
+    if defect.s_o.size and np.isfinite(defect.value).all():
+        space, time = _space_and_time_bars(law, defect, judged)
+        time = time + _sampling_bars(law, defect, judged.sparse_steps)  # more steps lessen both
+        bars = space + time + _sampling_bars(law, defect, judged.sparse_stations)
+        sizes = defect.rms_or_mean
+        i = int((sizes / bars).argmax())
+        gap = float(sizes[i])
+        if np.isfinite(bars[i]):
+            bar = float(bars[i])
+        parts = float(space[i]), float(time[i])
+        largest = float(defect.s_o[np.abs(defect.value[:, i]).argmax()])
+        where = None if math.isnan(largest) else largest
+    bound = Bound("law", (BoundPart(judged.ladder.finest.method, bar, "coarser runs and sampling"),))
+    return Agreement(law.quantity, gap, bound, where, parts=(parts,))
 
 
 def _space_and_time_bars(law: Law, defect: Defect, judged: _EvidenceOfLadder) -> tuple[Array, Array]:
@@ -142,8 +129,7 @@ def _sampling_bars(law: Law, defect: Defect, sparse: tuple[Evidence, Evidence]) 
 DefectOf = Callable[[Evidence], Defect]
 
 
-@dataclass(frozen=True, slots=True)
-class Law:
+class Law(NamedTuple):
     defect: DefectOf
     concerns: Callable[[Evidence], bool]
     quantity: str = "laws_si"  # of the row
@@ -456,11 +442,12 @@ def _turn_gaps(r: Response) -> list[float]:
     return gaps
 
 
-def _starts_off_supports(evidence: Evidence) -> bool:
-    return 0.0 < evidence.r.s_o[0] < evidence.r.length
+def _car_rolls_from_off_supports(evidence: Evidence) -> bool:
+    r = evidence.r
+    return r.drive != "grip" and 0.0 < r.s_o[0] < r.length
 
 
-@_register_law("car at rest", lambda evidence: _car_rolls(evidence) and _starts_off_supports(evidence), at_start=True)
+@_register_law("car at rest", _car_rolls_from_off_supports, at_start=True)
 def car_start_at_rest_defect(evidence: Evidence) -> Defect:
     """A car that rolls begins where the cable at rest holds it, clamped or on its rope; over the largest deflection."""
     r = evidence.r
@@ -600,30 +587,22 @@ def min_tension_steps_vs_frames_defect(evidence: Evidence) -> Defect:
 def slack_onset_defect(evidence: Evidence) -> Defect:
     """The smallest tension falls through zero where slack begins, and in the window not before.
 
-    See `_slack_distance_past`; within two steps.
+    By how far, in s_o/l, its smallest value so far falls through zero after the onset: see
+    `scene_data.ordinate_on_unit_slope`; within two steps.
     """
     r = evidence.r
     steps = evidence.steps_in_windows_off_supports & (r.t > 0.0)
     last = int(np.flatnonzero(steps)[-1])
     end = float(r.t[last])
     steps[last : last + 3] = True
-    late = _slack_distance_past(min(r.slack_time_or_inf, end), r, steps)
+    position = np.maximum.accumulate(r.s_o) / r.length
+    start = float(np.interp(min(r.slack_time_or_inf, end), r.t, position))
+    # zero is the tension of a law without compression, whose rope would be deeper
+    tension = np.where(r.tension_min == 0.0, -1.0, r.tension_min / r.horizontal_tension)
+    late = ordinate_on_unit_slope(position[steps], np.minimum.accumulate(tension[steps]), start)
     off = abs(late) if r.slack_time_or_inf <= end else -late
     two_steps = 2.0 * float(np.abs(np.diff(r.s_o)).max()) / r.length
     return _defect_without_position(max(0.0, off - two_steps))
-
-
-def _slack_distance_past(t: float, r: Response, steps: NDArray[np.bool_]) -> float:
-    """How far, in s_o/l, after time t the tension of these steps (n,) falls through zero; negative: before.
-
-    See `scene_data.ordinate_on_unit_slope`, of the smallest tension so far.
-    """
-    position = np.maximum.accumulate(r.s_o) / r.length
-    start = float(np.interp(t, r.t, position))
-    # zero is the tension of a law without compression, whose rope would be deeper
-    tension = np.where(r.tension_min == 0.0, -1.0, r.tension_min / r.horizontal_tension)
-    smallest = np.minimum.accumulate(tension[steps])
-    return ordinate_on_unit_slope(position[steps], smallest, start)
 
 
 @_register_law("fields at the mass")
@@ -815,4 +794,4 @@ def _arc_lengths(points: Array) -> Array:
     bend = np.zeros_like(chord)
     if len(chord) > 1:
         bend = np.gradient(chord / length[:, None], axis=0)
-    return np.asarray(length * (1.0 + np.sum(bend**2, axis=1) / 24.0))
+    return length * (1.0 + np.sum(bend**2, axis=1) / 24.0)

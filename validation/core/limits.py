@@ -6,7 +6,8 @@ A limit within the bar is "too close to tell".
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from cablefem.scene import Scene
@@ -143,10 +144,15 @@ class _ComputedDemandValues:
     def __init__(self, scene: Scene | Line, limits: Limits, design: Sequence[Row], events: Sequence[Row]) -> None:
         self.scene = scene
         self.limits = limits
-        self.design = [x for x in design if x["value"] is not None]
         self.events = events
         self.at_rest = isinstance(scene, Line) and not scene.moves
         self.span = scene.supports.span if isinstance(scene, Scene) else _longest_span(scene)
+        self.numbers: dict[str, list[ValueWithBar]] = {}  # of the design, by kind
+        for x in design:
+            if x["value"] is not None:
+                unknown = 0.0 if self.at_rest else math.inf  # bar of a number without one
+                number = ValueWithBar(x["value"], unknown if x["bar"] is None else x["bar"], x["quantity"])
+                self.numbers.setdefault(x["quantity"].partition(":")[0], []).append(number)
 
     def values_for_rule(self, rule: Row) -> list[ValueWithBar]:
         """Values that a rule is for, one for each obstacle of a clearance; unknown ones say why."""
@@ -165,17 +171,11 @@ class _ComputedDemandValues:
             value = unknown_value("not computed: only in motion" if only_in_motion else DEMANDS[demand][3])
         return [value]
 
-    def _numbers_of_kind(self, kind: str) -> list[ValueWithBar]:
-        """Design numbers of a kind; without a bar exact for a line at rest, else of an infinite one."""
-        rows = [x for x in self.design if x["quantity"].partition(":")[0] == kind]
-        default = 0.0 if self.at_rest else math.inf
-        return [ValueWithBar(x["value"], default if x["bar"] is None else x["bar"], x["quantity"]) for x in rows]
-
     def _largest(self, kind: str) -> ValueWithBar | None:
-        return max(self._numbers_of_kind(kind), key=_largest_then_widest, default=None)
+        return max(self.numbers.get(kind, ()), key=_largest_then_widest, default=None)
 
     def _smallest(self, kind: str) -> ValueWithBar | None:
-        return min(self._numbers_of_kind(kind), key=_smallest_then_widest, default=None)
+        return min(self.numbers.get(kind, ()), key=_smallest_then_widest, default=None)
 
     def safety_factor(self) -> ValueWithBar | None:
         """Breaking load over largest tension."""
@@ -194,13 +194,10 @@ class _ComputedDemandValues:
 
     def swing_tangent(self) -> ValueWithBar | None:
         """Tangent of the largest swing of a cabin to either side."""
-        largest = max(
-            [*self._numbers_of_kind("swing_max"), *self._numbers_of_kind("swing_min")],
-            key=lambda x: (abs(x.value), x.bar),
-            default=None,
-        )
-        if largest is None:
+        swings = [x for kind in ("swing_max", "swing_min") for x in self.numbers.get(kind, ())]
+        if not swings:
             return None
+        largest = max(swings, key=lambda x: (abs(x.value), x.bar))
         tangent = math.tan(math.radians(abs(largest.value)))
         return ValueWithBar(tangent, math.radians(largest.bar) * (1.0 + tangent**2))
 
@@ -212,16 +209,11 @@ class _ComputedDemandValues:
         bar = event.get("bar_speed")
         return ValueWithBar(event["speed"], math.inf if bar is None else bar)
 
-    def largest_knee_except_last_support(self) -> ValueWithBar | None:
-        inner = [x for x in self._numbers_of_kind("knee_max") if x.subject != self._last_knee_quantity]
-        return max(inner, key=_largest_then_widest, default=None)
-
-    def knee_at_last_support(self) -> ValueWithBar | None:
-        return next((x for x in self._numbers_of_kind("knee_max") if x.subject == self._last_knee_quantity), None)
-
-    @property
-    def _last_knee_quantity(self) -> str:
-        return f"knee_max:{self.scene.contact[-2].name}" if isinstance(self.scene, Line) else ""
+    def largest_knee(self, at_last_support: bool) -> ValueWithBar | None:
+        """Largest knee at the last contact before the end, or at the others."""
+        last = f"knee_max:{self.scene.contact[-2].name}" if isinstance(self.scene, Line) else ""
+        knees = [x for x in self.numbers.get("knee_max", ()) if (x.subject == last) is at_last_support]
+        return max(knees, key=_largest_then_widest, default=None)
 
     def _smallest_clearances(self, rule: Row) -> Iterator[ValueWithBar]:
         """The smallest clearance over each obstacle, and the ground, of the rule's kind; unknown where none is."""
@@ -238,14 +230,12 @@ class _ComputedDemandValues:
                 unknown = unknown_value(DEMANDS["clearance"][3])
                 yield min(self._clearances_over(name), key=_smallest_then_widest, default=unknown)
 
-    def _clearances_over(self, name: str) -> list[ValueWithBar]:
+    def _clearances_over(self, name: str) -> Iterator[ValueWithBar]:
         """Clearances over an obstacle or the ground, of rope and cars."""
-        clearances = []
-        for kind in {x["quantity"].partition(":")[0] for x in self.design}:
-            for value in self._numbers_of_kind(kind) if kind.startswith("clearance") else ():
-                if value.subject.partition(":")[2].split(" over ")[-1] == name:
-                    clearances.append(ValueWithBar(value.value, value.bar, name))
-        return clearances
+        for kind, numbers in self.numbers.items():
+            for x in numbers if kind.startswith("clearance") else ():
+                if x.subject.partition(":")[2].split(" over ")[-1] == name:
+                    yield replace(x, subject=name)
 
 
 # demands and the kind of design number that answers them: its largest, its smallest, or a value computed from some
@@ -258,8 +248,8 @@ COMPUTED: dict[str, Callable[[_ComputedDemandValues], ValueWithBar | None]] = {
     "sag_growth": _ComputedDemandValues.sag_growth,
     "swing_along": _ComputedDemandValues.swing_tangent,
     "arrival_speed": _ComputedDemandValues.speed_at_brake_or_arrival,
-    "knee_loaded": _ComputedDemandValues.largest_knee_except_last_support,
-    "knee_last": _ComputedDemandValues.knee_at_last_support,
+    "knee_loaded": partial(_ComputedDemandValues.largest_knee, at_last_support=False),
+    "knee_last": partial(_ComputedDemandValues.largest_knee, at_last_support=True),
 }
 
 

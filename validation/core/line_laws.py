@@ -13,16 +13,16 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cablefem.response import Array
 from validation.core.agreement import Agreement, Bound, BoundPart
-from validation.core.readback import limit_faults, limit_table_faults, plain_text
+from validation.core.readback import limit_faults, limit_table_faults
+from validation.core.readback.texts import plain_text, rows_of_each_table
 from validation.core.scene_data import (
     DOWN,
     ROUNDING,
@@ -39,8 +39,7 @@ LENGTHS = ("x", "depth", "rope_over", "rise", "shift", "sag", "clearance_rope", 
 PositionNumbers = dict[str, Any]  # by name: a value, a word or None
 
 
-@dataclass(frozen=True, slots=True)
-class Station:
+class Station(NamedTuple):
     """A contact or a car on the rope, as the TOML has it."""
 
     name: str
@@ -473,10 +472,9 @@ def printed_number_rows(
     A gap counts in parts of what is allowed: rounding, of a design number its bar, of the page half its last digit.
     words : how the page calls each kind of number.
     """
-    printed = _PrintedLine(toml, rest, folder)
+    printed = _PrintedLine(toml, rest, folder, page)
     notes: list[Callable[[], None]] = [printed.note_summary, printed.note_positions, printed.note_profile]
-    notes += [printed.note_design, printed.note_outcome]
-    notes += [partial(printed.note_page, page, words), partial(printed.note_limits, page)]
+    notes += [printed.note_design, printed.note_outcome, partial(printed.note_page, words), printed.note_limits]
     for note in notes:
         try:
             note()
@@ -497,13 +495,6 @@ def _float_or_none(cell: str | None) -> float | None:
         return None
 
 
-def _distances_or_nan(written: Array | None, expected: Array) -> Array:
-    """Distances (n,) of a written column to the expected one; nan if there is none, or one of another length."""
-    if written is None or written.shape != expected.shape:
-        return np.full(expected.shape, math.nan)
-    return np.abs(written - expected)
-
-
 def _extreme_tensions(ropes: Sequence[RopeAtRest], x: Array) -> dict[str, Array]:
     """Columns (m,) of profile.csv at x: at a car that grips the tension jumps, and both of its values count."""
     near = 1e-9 * float(np.ptp(x))
@@ -515,10 +506,11 @@ def _extreme_tensions(ropes: Sequence[RopeAtRest], x: Array) -> dict[str, Array]
 class _PrintedLine:
     """What the files of a line at rest say, a second computation of it, and the gaps between both."""
 
-    def __init__(self, toml: str, rest: StatesAtRest, folder: Path) -> None:
+    def __init__(self, toml: str, rest: StatesAtRest, folder: Path, page: str) -> None:
         self.data = LineAtRest(toml)
         self.rest = rest
         self.folder = folder
+        self.page = page
         self.summary = read_json(folder / "summary.json")
         self.gaps = LargestGaps()
         self.rows = numbers_by_position(self.data, rest)
@@ -547,11 +539,11 @@ class _PrintedLine:
         printed_length = self.summary["empty_length"]
         self.gaps.note_difference("summary.json", "empty_length", printed_length, length, ROUNDING * length)
 
-    def note_limits(self, page: str) -> None:
+    def note_limits(self) -> None:
         """Note each fault of the limits, and of their table on the page."""
         for fault in limit_faults(self.summary["limits"], self.data.data, self.summary["design"], ()):
             self.gaps.note_gap("limits", fault, math.inf)
-        for fault in limit_table_faults(page, self.summary["limits"]):
+        for fault in limit_table_faults(self.page, self.summary["limits"]):
             self.gaps.note_gap("page, limits", fault, math.inf)
 
     def note_positions(self) -> None:
@@ -590,12 +582,15 @@ class _PrintedLine:
             self._note_column(f"profile.csv, {name}", x, table.get(name), expected, allowed)
             self._note_column("ropes.json", x, np.array(drawn["profile"][name], float), expected, allowed)
         for position, drawn_depths in drawn["depths"].items():
-            off = _distances_or_nan(np.array(drawn_depths, float), depths[int(position) - 1])
-            self.gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / lengths_allowed)
+            self._note_column(
+                "ropes.json", x, np.array(drawn_depths, float), depths[int(position) - 1], lengths_allowed
+            )
 
     def _note_column(self, law: str, x: Array, written: Array | None, expected: Array, allowed: float) -> None:
         """Note the largest gap of a written column (n,) over x to the expected one; of a missing one a large one."""
-        off = _distances_or_nan(written, expected)
+        off = np.full(expected.shape, math.nan)
+        if written is not None and written.shape == expected.shape:
+            off = np.abs(written - expected)
         k = int(np.argmax(off))  # of nan, too
         self.gaps.note_gap(law, f"x = {x[k]:.6g} m", float(off[k]) / allowed)
 
@@ -644,23 +639,18 @@ class _PrintedLine:
             deepest = max(depths, default=math.inf)
             gaps.note_difference("outcome", "depth of a collision", deepest, -min(lowest.values()), 0.006)
 
-    def note_page(self, page: str, words: Mapping[str, Mapping[str, str]]) -> None:
+    def note_page(self, words: Mapping[str, Mapping[str, str]]) -> None:
         """Note unless the table of the page shows each design number to half its last digit, with the cars then."""
-        shown = plain_text(self.summary["outcome"]) in plain_text(page)
+        shown = plain_text(self.summary["outcome"]) in plain_text(self.page)
         self.gaps.note_difference("page", "outcome", shown, True)
-        table: dict[str, dict[str, str]] = {}
-        for label, content in re.findall(r'data-label="(quantity|largest|smallest)[^"]*"><div>(.*?)</div>', page, re.S):
-            cell = plain_text(content)
-            if label == "quantity":
-                row = table.setdefault(cell, {})
-            else:
-                row[label] = cell
+        tables = [rows for rows in rows_of_each_table(self.page) if rows and rows[0][0] == "quantity"]
+        texts = {quantity: extremes for quantity, *extremes in itertools.chain(*tables)}
         for number in self.summary["design"]:
             kind, _, subject = number["quantity"].partition(":")
             name = kind if kind in words and not subject else _kind_without_extreme(kind)
-            row = table.get(words[name]["words"].format(subject), {})
-            in_smallest = kind.endswith("_min") and row.get("smallest") != "the same"
-            self._note_shown_number(number, row.get("smallest" if in_smallest else "largest", ""))
+            largest, smallest = texts.get(words[name]["words"].format(subject), ["", ""])
+            in_smallest = kind.endswith("_min") and smallest != "the same"
+            self._note_shown_number(number, smallest if in_smallest else largest)
 
     def _note_shown_number(self, number: dict[str, Any], text: str) -> None:
         """Note the gap of a design number to its text in the page's table, and whether the cars are named with it."""

@@ -40,7 +40,6 @@ from validation.core.store import nulls_for_nonfinite
 from validation.core.view import View
 
 Gap = Callable[[Response, Response, View], float]
-Series = Callable[[Response], Array]
 Tolerance = Callable[[str], float]
 Event = dict[str, Any]
 
@@ -74,12 +73,6 @@ def _gap_of_path(part: str) -> Gap:
     return lambda x, y, view: getattr(measures.relative_path_gap(x, y, view.window), part)
 
 
-def _scaled_series(names: tuple[str, ...], scale: float, r: Response) -> Array:
-    """The named series of a run side by side (n, c), over the scale."""
-    columns = [getattr(r, name).reshape(r.t.size, -1) for name in names]
-    return np.concatenate(columns, axis=1) / scale
-
-
 def _gap_of_series(*names: str, over: str, mean: bool = False, largest: bool = False) -> Gap:
     """The rms (or largest) gap of series of a response.
 
@@ -91,20 +84,19 @@ def _gap_of_series(*names: str, over: str, mean: bool = False, largest: bool = F
         scale = getattr(view, over)
         if over == "top_speed" and not scale:  # of a ride
             scale = float(y.speed.max())
-        series: Series = partial(_scaled_series, names, scale)
-        if "speed" in names and view.free:
-            series = partial(_values_nan_after_stop, series)
+
+        def series(r: Response) -> Array:
+            """The named series side by side (n, c), over the scale."""
+            columns = [getattr(r, name).reshape(r.t.size, -1) for name in names]
+            values = np.concatenate(columns, axis=1) / scale
+            stop = find_event("stop", r.events) if "speed" in names and view.free else None
+            # past a lasting stop, whose time depends on axial waves, speeds are not compared
+            return values if stop is None else np.where(r.t[:, None] <= stop["t"], values, math.nan)
+
         averaging_time = view.axial_round_trip if mean else 0.0
         return measures.series_gap(x, y, view.window, series, averaging_time, largest=largest)
 
     return gap_of_runs
-
-
-def _values_nan_after_stop(series: Series, r: Response) -> Array:
-    """Values (n, c) with nan past a lasting stop, whose time depends on axial waves."""
-    stop = find_event("stop", r.events)
-    values = series(r)
-    return values if stop is None else np.where(r.t[:, None] <= stop["t"], values, math.nan)
 
 
 def _gap_of_fields(gap: Callable[..., float], **options: bool) -> Gap:

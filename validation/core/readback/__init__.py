@@ -15,21 +15,3 @@ from validation.core.readback.tables import motion_design_table_faults
 from validation.core.readback.terminal import terminal_faults
 from validation.core.readback.texts import plain_text
 from validation.core.readback.verification import verification_faults
-
-__all__ = [
-    "FILES",
-    "StoredResults",
-    "file_limit_and_verification_faults",
-    "find_faults",
-    "limit_faults",
-    "limit_table_faults",
-    "line_terminal_faults",
-    "motion_design_table_faults",
-    "moving_line_outcome_faults",
-    "page_faults",
-    "path_csv_columns",
-    "plain_text",
-    "rope_csv_and_side_view_faults",
-    "terminal_faults",
-    "verification_faults",
-]

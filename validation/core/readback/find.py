@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from validation.core.readback.pages import section_html
-from validation.core.readback.stored import Faults, Row, read_package_toml
+from validation.core.readback.stored import Faults, Row
 from validation.core.readback.texts import (
     NUMBER,
     contents_of_tags,
@@ -25,7 +25,7 @@ from validation.core.stored_files import damaged_files_are_faults, read_json
 
 _CLAUSE = re.compile(r"(.+?)\s*(<=|>=|<|>|=)\s*(\S+)\s*(\S*)")
 _ANSWER = re.compile(rf"(at most|at least) (about )?({NUMBER}(?: ± {NUMBER})?)(?: (\S+))?; (above|below): ")
-EVENT_UNITS = {"t": "s", "s_o": "m", "speed": "m/s"}
+SI_UNITS = ("m/s2", "m/s", "N", "Pa", "m", "s", "deg", "")  # of numbers in conditions
 
 
 @damaged_files_are_faults
@@ -147,24 +147,15 @@ def _margin_of_clause_or_limits(clause: re.Match[str] | None, read: Any) -> floa
         return 0.0 if read == clause[3] else math.nan
     if read is None:
         return math.nan
-    bound = float(clause[3]) * conversion_factor_or_nan(clause[4], _unit_of_quantity(clause[1]))
+    bound = float(clause[3]) * _factor_to_si(clause[4])
     margin = float(read) - bound
     return margin if clause[2][0] == ">" else -margin
 
 
-def _unit_of_quantity(name: str) -> str:
-    """The unit of a design number, of a line too, or of an event; the extreme may be left out."""
-    kind, _, of = name.replace(":", ".").partition(".")
-    quantities = read_package_toml("core", "quantities.toml")
-    units = {x: row[1] for x, row in (quantities["main"] | quantities["more"]).items()}
-    at_rest = read_package_toml("page", "assets/line.toml")["quantity"]
-    in_motion = read_package_toml("page", "assets/motion.toml")
-    for words in (at_rest, in_motion):
-        units |= {x: row["unit"] for x, row in words.items() if "unit" in row}
-    for x in (kind, f"{kind}_min", f"{kind}_max", kind.removesuffix("_min"), kind.removesuffix("_max")):
-        if units.get(x):
-            return str(units[x])
-    return EVENT_UNITS.get(of, "")
+def _factor_to_si(unit: str) -> float:
+    """What a number in a printed unit, or in none, is multiplied by to be in SI; nan of an unknown unit."""
+    factors = [conversion_factor_or_nan(unit, si) for si in SI_UNITS]
+    return next((factor for factor in factors if not math.isnan(factor)), math.nan)
 
 
 def _change_faults(change: Row, margins_at: dict[float, list[float]], numbers_at: dict[float, list[Any]]) -> Faults:

@@ -68,25 +68,20 @@ def _number_of_larger_clearances(smallest: Row, design: Sequence[Row]) -> int:
 
 def motion_design_table_faults(html_text: str, design: Sequence[Row]) -> Faults:
     """Faults of the table of design numbers of a line in motion, which shows all of them."""
-    shown = _shown_design_numbers(html_text)
+    shown: dict[str, list[str]] = {}  # value, and time and place, by words
+    for rows in rows_of_each_table(html_text):
+        if rows and rows[0] == ["quantity", "value", "at"]:
+            shown = {name: value_and_place for name, *value_and_place in rows[1:]}
     words = read_package_toml("page", "assets/motion.toml")
     for number in design:
         kind, _, of = number["quantity"].partition(":")
         name = plain_text(words[kind]["words"].format(of))
-        value, at = shown.get(name, ("", ""))
+        value, at = shown.get(name, ["", ""])
         when, _, where = at.removesuffix(" along the rope").partition(", ")
         good = shows_design_number(value, number) and shows_value(when, number["t"], "s", digits=4)
         if not good or not shows_decimals(where, number["s_o"], "m", 1):
             stored = f"{number['value']:.6g} {number['unit']} with the bar {number['bar']} at {number['t']:.6g} s"
             yield f"page: {name}: {value} at {at or 'no time'} where {stored} is stored"
-
-
-def _shown_design_numbers(html_text: str) -> dict[str, tuple[str, str]]:
-    """Value, and time and place, of each design number in the table of a page, by its words."""
-    for rows in rows_of_each_table(html_text):
-        if rows and rows[0] == ["quantity", "value", "at"]:
-            return {name: (value, at) for name, value, at in rows[1:]}
-    return {}
 
 
 def _support_load_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
@@ -204,19 +199,14 @@ def _shows_top_speed_over_waves(text: str, run: Run) -> bool:
     cable = run["scene"]["cable"]
     rho = cable["mass_per_length"] + ice_mass_per_length(cable)
     if run["scene"].get("drive", {}).get("mode") == "free":  # on the loaded rope
-        on_rope = run["t"] <= _end_of_valid_time(run)
+        lift_offs = [event["t"] for event in run["rest"]["events"] if event["event"] == "lift_off"]
+        on_rope = run["t"] <= min([time_of_slack_or_slow_waves(run), *lift_offs])
         speeds = np.hypot(*run["velocity"][on_rope].T)
     else:
         speeds = np.abs(np.diff(run["s_o"]) / np.diff(run["t"]))  # steps are short chords of the travel
     ratio = np.max(speeds, initial=0.0) * math.sqrt(rho / run["rest"]["horizontal_tension"])
     shown = parse_number(text.removesuffix(" %")) / 100.0
     return bool(abs(shown - ratio) < 0.06)
-
-
-def _end_of_valid_time(run: Run) -> float:
-    """Time [s] up to which the car is on the rope, and that is taut."""
-    lift_offs = [event["t"] for event in run["rest"]["events"] if event["event"] == "lift_off"]
-    return min([time_of_slack_or_slow_waves(run), *lift_offs])
 
 
 FACTS: dict[str, Callable[[str, Run], bool]] = {  # that follow from the scene

@@ -32,26 +32,19 @@ def _printed_limit_faults(text: str, stored: StoredResults) -> Faults:
 
 def terminal_faults(printed: Sequence[str], stored: StoredResults) -> Faults:
     """Faults of what a run or a check printed."""
-    sentences = _stored_sentences(stored)
-    for text in printed:
-        if text.strip() and text.strip() not in sentences:
-            readers = (read for pattern, read in LINE_CHECKS if re.match(pattern, text))
-            reader = next(readers, _design_faults_or_note_unread)
-            yield from reader(text.strip(), stored)
-
-
-def _stored_sentences(stored: StoredResults) -> set[str]:
-    """Sentences that are printed as they are stored."""
-    sentences = {f"{stored.summaries[0]['scene']}: {stored.outcome}"}
+    sentences = {f"{stored.summaries[0]['scene']}: {stored.outcome}"}  # printed as they are stored
     for summary in stored.summaries:
         sentences |= set(summary["flags"])
     for doubt in stored.agreement.get("doubts", []):
         sentences.add(f"{doubt['method']}: {doubt['words']}")
     if stored.agreement:
         sentences.add(read_package_toml("page", "assets/verdicts.toml")[stored.verdict_on_both_solvers])
-        own_rows = [row for row in stored.rows if not row.get("with")]
-        sentences |= set(expected_excess_sentences(own_rows))
-    return sentences
+        sentences |= set(expected_excess_sentences(row for row in stored.rows if not row.get("with")))
+    for text in printed:
+        if text.strip() and text.strip() not in sentences:
+            readers = (read for pattern, read in LINE_CHECKS if re.match(pattern, text))
+            reader = next(readers, _design_faults_or_note_unread)
+            yield from reader(text.strip(), stored)
 
 
 def _design_faults_or_note_unread(text: str, stored: StoredResults) -> Faults:

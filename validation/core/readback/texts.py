@@ -52,8 +52,8 @@ def shows_value(text: str, value: float | None, unit: str = "", *, bar: float | 
         return True
     expected = [value / factor]
     digit = _decimal_exponent(value / factor) - digits + 1
-    if _is_bar_printed(bar, value):
-        expected.append((bar or 0.0) / factor)
+    if bar and ROUNDING * abs(value) <= bar < math.inf:  # known, and no rounding
+        expected.append(bar / factor)
         digit = _decimal_exponent(expected[1]) - 1
     return len(printed) == len(expected) and np.allclose(printed, expected, rtol=0.0, atol=0.501 * 10.0**digit)
 
@@ -65,11 +65,6 @@ def _parse_numbers_and_unit_factor(text: str, unit: str) -> tuple[list[float], f
         return [], math.nan
     numbers = [parse_number(number) for number in match.group(1, 2) if number]
     return numbers, conversion_factor_or_nan(match[3] or "", unit)
-
-
-def _is_bar_printed(bar: float | None, value: float) -> bool:
-    """Whether a bar is known and no rounding."""
-    return bool(bar) and ROUNDING * abs(value) <= (bar or 0.0) < math.inf
 
 
 def shows_decimals(text: str, value: float | None, unit: str, decimals: int) -> bool:
