@@ -62,14 +62,10 @@ def assert_agree(
     except NotComparable as reason:
         raise AssertionError(f"{names} cannot be compared: {reason}") from None
     if any(row.verdict is not Verdict.AGREE for row in rows):
-        other_scene = ", they answer different scenes" if _scenes_differ(a, b) else ""
+        differ = isinstance(a, Response) and isinstance(b, Response) and a.scene_toml != b.scene_toml
+        other_scene = ", they answer different scenes" if differ else ""
         raise AssertionError(failure_text(f"{names} disagree{other_scene}", rows))
     return rows
-
-
-def _scenes_differ(a: Answer, b: Answer) -> bool:
-    """Whether two runs of one span are of different scenes; a foreign path names none."""
-    return isinstance(a, Response) and isinstance(b, Response) and a.scene_toml != b.scene_toml
 
 
 def _two_rising_numbers(window: Any) -> Window:
@@ -122,7 +118,9 @@ def _compare_answers(a: Answer, b: Answer, allowed: AllowedGaps, window: Window 
 
 def _compare_lines_in_motion(a: LineAnswer, b: LineAnswer, allowed: AllowedGaps, window: Window) -> list[Agreement]:
     """Rows of the path of each car and, if asked, of the worst tension, at the steps of the coarser run."""
-    _refuse_other_cars_or_contacts(a.moved, b.moved)
+    names, others = (_names_of_cars_and_contacts(x.moved) for x in (a, b))
+    if names != others:
+        raise NotComparable(f"one has {', '.join(names)}, the other {', '.join(others)}")
     t = _step_times_of_coarser_run(a.moved, b.moved, window)
     over = f"from {t[0]:.4g} to {t[-1]:.4g} s"
 
@@ -142,13 +140,6 @@ def _compare_lines_in_motion(a: LineAnswer, b: LineAnswer, allowed: AllowedGaps,
         worst, gap = _worst_mean_tension_gap(a.moved, b.moved, t)
         rows.append(row("tension", worst, gap / largest, allowed.tension, why))
     return rows
-
-
-def _refuse_other_cars_or_contacts(a: LineRun, b: LineRun) -> None:
-    """Raise NotComparable unless both runs have the same cars and contacts."""
-    names, others = (_names_of_cars_and_contacts(run) for run in (a, b))
-    if names != others:
-        raise NotComparable(f"one has {', '.join(names)}, the other {', '.join(others)}")
 
 
 def _step_times_of_coarser_run(a: LineRun, b: LineRun, window: Window) -> Array:
@@ -188,26 +179,21 @@ def _round_trip_mean_tensions(run: LineRun, t: Array) -> dict[str, Array]:
 def _spline_at_times(run: LineRun, values: Array, t: Array) -> Array:
     """Values (n, ...) of a run at times (k,), by splines."""
     once = np.append(True, np.diff(run.motion.t) > 0.0)  # at a jump of forces a time stands twice
-    return np.asarray(CubicSpline(run.motion.t[once], values[once])(t))
+    return CubicSpline(run.motion.t[once], values[once])(t)
 
 
 def _compare_one_span(a: OneSpan, b: OneSpan, allowed: AllowedGaps, window: Window | None) -> list[Agreement]:
     """Rows of path and, if asked, tension; NotComparable for cables of different lengths."""
     if not np.isclose(a.length, b.length, rtol=1e-6, atol=0.0):
         raise NotComparable(f"of different cables: {a.length:.6g} m and {b.length:.6g} m long")
-    cut = _comparable_window(a, b, window or measures.WINDOWS[a.drive])
+    start, end = window or measures.WINDOWS[a.drive]
+    if a.drive != "free":
+        start = max(start, *(float(x.s_o[0] / x.length) for x in (a, b)))
+    cut = measures.common_window(a, b, window=(start, end))
     rows = [_path_gap_row(a, b, allowed.path, cut)]
     if allowed.tension is not None:
         rows.append(_tension_gap_row(a, b, allowed.tension, cut))
     return rows
-
-
-def _comparable_window(a: OneSpan, b: OneSpan, window: Window) -> Window:
-    """A window cut where an answer begins, falls slack or ends."""
-    start, end = window
-    if a.drive != "free":
-        start = max(start, *(float(x.s_o[0] / x.length) for x in (a, b)))
-    return measures.common_window(a, b, window=(start, end))
 
 
 def _window_text(window: Window, a: OneSpan, b: OneSpan) -> str:

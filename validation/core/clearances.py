@@ -102,23 +102,18 @@ def min_rope_heights(rope: Array, ground: Array, ends: tuple[float, float]) -> t
     ends : x of the supports; ground beyond them is not beneath the rope.
     """
     corners, depth = ground.T
-    rows = np.arange(len(rope))
     x, y = np.moveaxis(rope, 2, 0)  # (n, k)
     over = (x >= corners[0]) & (x <= corners[-1])
     at_points = np.where(over, np.interp(x, corners, depth) - y, np.inf)
-    lowest = at_points.argmin(axis=1)
-    heights = at_points[rows, lowest]
-    positions = x[rows, lowest]
     beneath = (corners >= ends[0]) & (corners <= ends[1])
-    if not beneath.any():
-        return heights, positions
     at_corners = depth[beneath] - rope_depths(rope, corners[beneath])  # (n, corners)
-    lowest = at_corners.argmin(axis=1)
-    of_corners = at_corners[rows, lowest]
-    at_corner = of_corners <= heights
-    return np.where(at_corner, of_corners, heights), np.where(at_corner, corners[beneath][lowest], positions)
+    heights = np.concatenate([at_points, at_corners], axis=1)
+    positions = np.concatenate([x, np.broadcast_to(corners[beneath], at_corners.shape)], axis=1)
+    lowest = heights.argmin(axis=1)[:, None]
+    return np.take_along_axis(heights, lowest, axis=1)[:, 0], np.take_along_axis(positions, lowest, axis=1)[:, 0]
 
 
 def rope_depths(points: Array, x: Array) -> Array:
     """Depths (n, k) [m] at x (k,) [m] of the rope through points (n, m, 2)."""
-    return np.array([np.interp(x, *at_one_time.T) for at_one_time in points])
+    depths = [np.interp(x, *at_one_time.T) for at_one_time in points]
+    return np.reshape(depths, (len(points), x.size))

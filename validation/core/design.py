@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,30 +37,7 @@ from validation.core.wheels import rope_stresses_under_wheel
 
 Number = dict[str, Any]
 Tracks = Callable[[Response], list[Track]]
-DEPTHS = ("deepest_point", "mass_deepest")  # known inside of range and cable only
-
-
-@dataclass(frozen=True, slots=True)
-class DesignQuantity:
-    """A number of the design by its definition: the extreme of signals of a run, the smallest if its name says min."""
-
-    name: str
-    tracks: Tracks
-
-    @property
-    def sign(self) -> float:
-        """+1: largest, -1: smallest."""
-        return -1.0 if self.name.partition(":")[0].endswith("_min") else 1.0
-
-    @property
-    def inner(self) -> bool:
-        """Whether it is meaningless at the ends of range and cable."""
-        return self.name in DEPTHS
-
-    @property
-    def is_clearance(self) -> bool:
-        """Whether it is taken up to the end of the run, with gaps between its samples."""
-        return self.name.startswith("clearance_")
+DEPTHS = ("deepest_point", "mass_deepest")  # meaningless at the ends of range and cable
 
 
 def _tracks_at_mass(*signals: Callable[[Response], Array]) -> Tracks:
@@ -89,7 +66,7 @@ def _free_car_deceleration_tracks(r: Response) -> list[Track]:
 
 
 def _magnitude(reaction: Array) -> Array:
-    return np.asarray(np.hypot(reaction[:, 0], reaction[:, 1]))
+    return np.hypot(reaction[:, 0], reaction[:, 1])
 
 
 def _degrees_to_horizontal(reaction: Array) -> Array:
@@ -159,8 +136,8 @@ def axial_round_trip_time(toml: str, length: float) -> float:
     return OneSpanData(toml, length).round_trip
 
 
-def design_quantities(scene: Scene) -> list[DesignQuantity]:
-    """Quantities of a scene, with clearances, which are computed once for each run of a ladder."""
+def design_tracks(scene: Scene) -> dict[str, Tracks]:
+    """Signals of each design quantity of a scene, with clearances, which are computed once for each run of a ladder."""
     computed: dict[int, Clearances] = {}
 
     def clearances(key: tuple[str, str], r: Response) -> list[Track]:
@@ -178,7 +155,7 @@ def design_quantities(scene: Scene) -> list[DesignQuantity]:
         one = np.ones(1)
         for name in rope_stresses_under_wheel(scene.cable, scene.mass.wheels, one, one):
             tracks[name] = partial(_stress_tracks_behind_and_ahead, scene.cable, scene.mass.wheels, name)
-    return list(map(DesignQuantity, tracks, tracks.values()))
+    return tracks
 
 
 def _stress_tracks_behind_and_ahead(rope: Rope, wheels: Wheels, stress_name: str, r: Response) -> list[Track]:
@@ -229,20 +206,14 @@ def _number_of_sag_at_rest(scene: Scene) -> Number:
 
 
 def _accelerations_of_timetable(scene: Scene) -> list[float]:
-    """Accelerations [m/s2] of the travel, several in each of its phases; none without a motion."""
+    """Accelerations [m/s2] of the travel at both ends of its phases, between which they are linear."""
     motion = scene.groups.motion
     if motion is None:
         return []
-    unit = scene.length / scene.time_scale**2
-    begin = 0.0
-    rates: list[float] = []
-    samples = 21  # accelerations are linear in a phase
-    for phase, (_, end) in enumerate(motion.phases):
-        for t in np.linspace(begin, end, samples).tolist():
-            _, _, acceleration = motion.position_with_rates(t, phase)
-            rates.append(acceleration * unit)
-        begin = end
-    return rates
+    ends = np.array(motion.phases)  # (n, 2)
+    phase = np.repeat(np.arange(len(ends)), 2)
+    _, _, accelerations = motion.positions_with_rates(ends.ravel(), phase)
+    return (accelerations * scene.length / scene.time_scale**2).tolist()
 
 
 def _design_row(quantity: str, value: float | None, bar: float, unit: str, **where: float | None) -> Number:
@@ -254,15 +225,14 @@ def _design_row(quantity: str, value: float | None, bar: float, unit: str, **whe
     return {"quantity": quantity, "value": value, "bar": nulls_for_nonfinite(bar), "unit": unit, **empty, **where}
 
 
-def _safety_factor_number(r: Response, numbers: list[Number]) -> Number | None:
-    """Breaking load over largest tension; None if one of them is unknown."""
-    load = _scene_of_toml(r.scene_toml).cable.breaking_load
-    tension = next((number for number in numbers if number["quantity"] == "tension_max"), None)
-    if load is None or tension is None:
-        return None
-    bar = math.inf if tension["bar"] is None else load * tension["bar"] / tension["value"] ** 2
-    where = {name: tension[name] for name in ("t", "s_o", "x", "s")}
-    return _design_row("safety_factor_min", load / tension["value"], bar, "", **where)
+def _safety_factor_numbers(scene: Scene, numbers: list[Number]) -> Iterator[Number]:
+    """Breaking load over largest tension; none if one of them is unknown."""
+    load = scene.cable.breaking_load
+    for tension in numbers:
+        if load is not None and tension["quantity"] == "tension_max":
+            bar = math.inf if tension["bar"] is None else load * tension["bar"] / tension["value"] ** 2
+            where = {name: tension[name] for name in ("t", "s_o", "x", "s")}
+            yield _design_row("safety_factor_min", load / tension["value"], bar, "", **where)
 
 
 def design_numbers(ladder_or_run: Ladder | Response, counterpart: Ladder | None = None) -> list[Number]:
@@ -270,43 +240,35 @@ def design_numbers(ladder_or_run: Ladder | Response, counterpart: Ladder | None 
 
     counterpart : the other solver's; extremes are then taken as far as both go.
     """
-    ladder = ladder_or_run if isinstance(ladder_or_run, Ladder) else None
-    r = ladder_or_run.finest if isinstance(ladder_or_run, Ladder) else ladder_or_run
+    ladder = ladder_or_run if isinstance(ladder_or_run, Ladder) else Ladder.of_one_run(ladder_or_run)
+    r = ladder.finest
     other = None if counterpart is None else counterpart.finest
     scene = _scene_of_toml(r.scene_toml)
     signals = signals_over_common_time(r, other).values()
-    extremes = [_number_of_extreme(signal, r, ladder) for signal in signals]
+    extremes = [_number_of_extreme(signal, ladder) for signal in signals]
     numbers = [number for number in extremes if number is not None]
-    numbers = list(_with_top_speed_of_timetable(scene, numbers))
-    safety_factor = _safety_factor_number(r, numbers)
-    if safety_factor is not None:
-        numbers.append(safety_factor)
+    numbers = _with_top_speed_of_timetable(scene, numbers)
+    numbers += _safety_factor_numbers(scene, numbers)
     if scene.wind_tilt is not None:
         numbers.append(_design_row("wind_tilt", scene.wind_tilt, 0.0, "deg"))
     numbers += _numbers_for_limits(scene)
-    slack_onset = _slack_onset_number(r, other, ladder)
+    slack_onset = _slack_onset_number(ladder, other)
     return numbers if slack_onset is None else [*numbers, slack_onset]
 
 
-def _with_top_speed_of_timetable(scene: Scene, numbers: list[Number]) -> Iterator[Number]:
+def _with_top_speed_of_timetable(scene: Scene, numbers: list[Number]) -> list[Number]:
     """The numbers, with the timetable's top speed where that of the path, which is taken off the supports, is less."""
     motion = scene.groups.motion
     if motion is None:
-        yield from numbers
-        return
-    t, _ = max(motion.speeds_where_extreme, key=lambda sample: sample[1])
-    s_o = float(motion.position(t)) * scene.length
-    where = {"t": t * scene.time_scale, "s_o": s_o, "s": s_o, "x": float(scene.catenary.x(s_o))}
+        return numbers
+    known = {number["quantity"]: number for number in numbers}
     assert scene.top_speed is not None
-    of_timetable = _design_row("speed_max", scene.top_speed, 0.0, unit_of("speed_max"), **where)
-    known = False
-    for number in numbers:
-        is_top_speed = number["quantity"] == "speed_max"
-        known = known or is_top_speed
-        slower = is_top_speed and number["value"] < scene.top_speed
-        yield of_timetable if slower else number
-    if not known:
-        yield of_timetable
+    if "speed_max" not in known or known["speed_max"]["value"] < scene.top_speed:
+        t, _ = max(motion.speeds_where_extreme, key=lambda sample: sample[1])
+        s_o = float(motion.position(t)) * scene.length
+        where = {"t": t * scene.time_scale, "s_o": s_o, "s": s_o, "x": float(scene.catenary.x(s_o))}
+        known["speed_max"] = _design_row("speed_max", scene.top_speed, 0.0, unit_of("speed_max"), **where)
+    return list(known.values())
 
 
 def signals_over_common_time(r: Response, other: Response | None = None) -> dict[str, Signal]:
@@ -315,11 +277,10 @@ def signals_over_common_time(r: Response, other: Response | None = None) -> dict
     until_valid = (float(r.t[0]), last_time_valid_in_all(r, other or r))
     round_trip = axial_round_trip_time(r.scene_toml, r.length)
     signals = {}
-    for quantity in design_quantities(_scene_of_toml(r.scene_toml)):
-        name = quantity.name
+    for name, tracks in design_tracks(_scene_of_toml(r.scene_toml)).items():
         follows_force = unit_of(name) in ("N", "deg", "Pa", "m/s2") or name == "tension_over_wheel_min"
-        times = until_valid if quantity.is_clearance else time_span
-        signals[name] = Signal(quantity, times, round_trip if follows_force else 0.0)
+        times = until_valid if name.startswith("clearance_") else time_span
+        signals[name] = Signal(name, tracks, times, round_trip if follows_force else 0.0)
     return signals
 
 
@@ -347,29 +308,27 @@ def design_gap_rows(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreemen
         yield Agreement("design gap", gap / size, bound, law=number["quantity"], required=tolerance, decides=False)
 
 
-def _number_of_extreme(signal: Signal, r: Response, ladder: Ladder | None) -> Number | None:
+def _number_of_extreme(signal: Signal, ladder: Ladder) -> Number | None:
     """The extreme of a signal, a force with its peak; None: there is none inside the range.
 
     Of a clearance without samples the row of an unknown value.
     """
-    quantity = signal.quantity.name
+    r = ladder.finest
+    quantity = signal.name
     unit = unit_of(quantity)
     extreme = signal.extreme(r)
     if extreme is None:
-        return _design_row(quantity, None, math.inf, unit) if signal.quantity.is_clearance else None
-    if signal.quantity.inner and _is_at_boundary(extreme, r, signal.time_span):
+        return _design_row(quantity, None, math.inf, unit) if signal.is_clearance else None
+    if quantity in DEPTHS and _is_at_boundary(extreme, r, signal.time_span):
         return None
-    bar = math.inf
-    if ladder is not None:
-        order = FIRST if signal.period else math.inf
-        bar = _bar_of_extreme(signal, extreme, signal.period, ladder, order)
+    bar = _bar_of_extreme(signal, extreme, signal.period, ladder, FIRST if signal.period else math.inf)
     where: dict[str, float | None] = {"t": extreme.t, "s": extreme.s}
     where["s_o"] = float(np.interp(extreme.t, r.t, r.s_o))
     where["x"] = float(np.interp(extreme.s, r.fields.s, r.fields.x))
     if unit == "N":
         raw = replace(signal, period=0.0)
         bar_peak = math.inf
-        if ladder is not None and not _scheme_damps_axial_waves(r):  # else coarser runs do not show their error
+        if ladder.runs[1:] and not _scheme_damps_axial_waves(r):  # else coarser runs do not show their error
             bar_peak = _bar_of_extreme(raw, extreme, signal.period, ladder, FIRST)
         where |= {"peak": raw.extreme_value_or_nan(r), "bar_peak": nulls_for_nonfinite(bar_peak)}
     return _design_row(quantity, extreme.value, bar, unit, **where)
@@ -391,8 +350,7 @@ def _bar_of_extreme(signal: Signal, extreme: _Extreme, period: float, ladder: La
     return bar + extreme.between
 
 
-@dataclass(frozen=True, slots=True)
-class _Extreme:
+class _Extreme(NamedTuple):
     value: float
     t: float  # [s]
     s: float  # [m] on the rope
@@ -403,11 +361,25 @@ class _Extreme:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A quantity in a time span [s], as a mean over a period [s]; 0: as it is."""
+    """A design number by its definition: the extreme of signals of a run, the smallest if its name says min.
 
-    quantity: DesignQuantity
+    time_span : [s].  period : [s] of means; 0: of the signals as they are.
+    """
+
+    name: str
+    tracks: Tracks
     time_span: tuple[float, float]
     period: float
+
+    @property
+    def sign(self) -> float:
+        """+1: largest, -1: smallest."""
+        return -1.0 if self.name.partition(":")[0].endswith("_min") else 1.0
+
+    @property
+    def is_clearance(self) -> bool:
+        """Whether it is taken up to the end of the run, with gaps between its samples."""
+        return self.name.startswith("clearance_")
 
     def averaged_samples(self, track: Track) -> Track:
         """A track (n,) of means over the period, of values along the cable their extremes."""
@@ -437,7 +409,7 @@ class Signal:
             first = np.minimum(np.searchsorted(t, t - half), before)
             last = np.maximum(np.searchsorted(t, t + half, side="right"), after)
             value = (sums[last] - sums[first]) / (last - first)[:, None]
-        at = (self.quantity.sign * value).argmax(axis=1)
+        at = (self.sign * value).argmax(axis=1)
         return Track(t, value[np.arange(t.size), at], track.s[at])
 
     def _samples_in_time_span(self, track: Track) -> Track:
@@ -448,7 +420,7 @@ class Signal:
         s = track.s[has_value]
         rows = is_within(t, *self.time_span)
         inside = t[rows]
-        if self.quantity.is_clearance or inside.size == 0:
+        if self.is_clearance or inside.size == 0:
             return Track(inside, value[rows], s[rows])
         ends = np.clip(self.time_span, t[0], t[-1])
         distinct = np.abs(ends - inside[[0, -1]]) > ROUNDING * self.time_span[1]
@@ -456,14 +428,14 @@ class Signal:
         return Track(at, np.interp(at, t, value), np.interp(at, t, s))
 
     def extreme(self, r: Response) -> _Extreme | None:
-        """The largest value times the quantity's sign over all its tracks, the first of those equal up to rounding.
+        """The largest value times the sign over all its tracks, the first of those equal up to rounding.
 
         None without samples.
         """
         extreme = None
-        sign = self.quantity.sign
+        sign = self.sign
         rise = 0.25  # of the larger neighbouring step: a parabola's rise above its highest sample
-        for i, track in enumerate(self.quantity.tracks(r)):
+        for i, track in enumerate(self.tracks(r)):
             t, value, s = self.averaged_samples(track)
             if t.size == 0:
                 continue
@@ -486,7 +458,7 @@ class Signal:
 
     def values_at(self, track: int, times: Array, r: Response) -> Array:
         """Values (n,) of a track by its index at times; nan of a run that ends before."""
-        t, value, _ = self.averaged_samples(self.quantity.tracks(r)[track])
+        t, value, _ = self.averaged_samples(self.tracks(r)[track])
         needed = min(times[-1], r.t[-1]) - np.ptp(times)
         if t.size == 0 or t[-1] < needed:
             return np.full(times.shape, math.nan)
@@ -498,8 +470,9 @@ def _is_at_boundary(extreme: _Extreme, r: Response, time_span: tuple[float, floa
     return bool(at_end_of_time or not 0.0 < extreme.s < r.length)
 
 
-def _slack_onset_number(r: Response, other: Response | None, ladder: Ladder | None) -> Number | None:
+def _slack_onset_number(ladder: Ladder, other: Response | None) -> Number | None:
     """Where slack begins, if before waves are slower than the mass in either run: no bar holds from there on."""
+    r = ladder.finest
     onset = slack_onset_before_far_support(r)
     if math.isinf(onset) or onset > min(position_where_mass_outruns_waves(x) for x in (r, other or r)):
         return None
@@ -507,10 +480,8 @@ def _slack_onset_number(r: Response, other: Response | None, ladder: Ladder | No
     def onset_or_nan(x: Response) -> float:
         return math.nan if x.slack_onset is None else x.slack_onset
 
-    bar = math.inf
-    if ladder is not None:
-        step = float(np.diff(r.s_o).max()) / r.length
-        bar = ladder.bar(onset_or_nan, max_distance, FIRST) + step
+    step = float(np.diff(r.s_o).max()) / r.length
+    bar = ladder.bar(onset_or_nan, max_distance, FIRST) + step
     s_o = onset * r.length
     where: dict[str, float | None] = {"s_o": s_o}
     where["t"] = float(np.interp(s_o, r.s_o, r.t))

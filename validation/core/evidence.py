@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -22,8 +22,7 @@ AT_REST = ("s", "x", "y", "T_static")
 Window = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class TimeWindows:
+class TimeWindows(NamedTuple):
     """Ends of the time windows [s] of the laws, the same for all runs of a ladder."""
 
     frames: Array  # (k,) for laws of the cable
@@ -45,8 +44,7 @@ class TimeWindows:
         return cls(frames, steps)
 
 
-@dataclass(frozen=True, slots=True)
-class Side:
+class Side(NamedTuple):
     """One side of the mass at a frame; m nodes in order of s."""
 
     s: Array
@@ -154,7 +152,7 @@ class Evidence:
         total = self.cumulative_time_integral(rate)
         if np.isnan(total).any():
             return np.full((self.window_times.size, rate.shape[1]), math.nan)
-        return np.asarray(CubicHermiteSpline(self.r.t, total, np.nan_to_num(rate))(self.window_times))
+        return CubicHermiteSpline(self.r.t, total, np.nan_to_num(rate))(self.window_times)
 
     @cached_property
     def damping_rate_with_wind(self) -> float:
@@ -187,7 +185,7 @@ class Evidence:
     @cached_property
     def travel_speed(self) -> Array:
         """ds_o/dt (n,)."""
-        return np.asarray(CubicSpline(self.r.t, self.r.s_o)(self.r.t, 1))
+        return CubicSpline(self.r.t, self.r.s_o)(self.r.t, 1)
 
     @cached_property
     def thrust_or_haul_force(self) -> Array:
@@ -268,7 +266,7 @@ class Evidence:
         weight = -data.rho * data.gravity * side.points[:, 1]
         strain = (side.T**2 - side.T_static**2) / (2.0 * data.EA)
         densities = np.column_stack([side.velocity, side.points, spin, kinetic, weight, strain])  # (m, 8)
-        return np.asarray(simpson(densities, x=side.s, axis=0))
+        return simpson(densities, x=side.s, axis=0)
 
     # --- energy --------------------------------------------------------------------------------------------
 
@@ -283,7 +281,7 @@ class Evidence:
     @property
     def kinetic_energy_of_mass(self) -> Array:
         """(n,) [J]."""
-        return np.asarray(0.5 * self.data.mass * np.sum(self.r.velocity**2, axis=1))
+        return 0.5 * self.data.mass * np.sum(self.r.velocity**2, axis=1)
 
     @property
     def energy_scale(self) -> float:
@@ -310,7 +308,7 @@ class Evidence:
         """Mean (n,) of |r'| on both sides of the car."""
         behind = np.hypot(*self.r.slope_behind.T)
         ahead = np.hypot(*self.r.slope_ahead.T)
-        return np.asarray(0.5 * (behind + ahead))
+        return 0.5 * (behind + ahead)
 
     def _powers_on_rolling_car(self) -> dict[str, Array]:
         """Powers (n,) [W] of drive, friction, brakes, drag, and of what holds the car until its release."""

@@ -413,23 +413,14 @@ def _distance_functions(path: ForeignPath | Response, run: Response, part: Windo
         """Unknown after a stop."""
         return np.where(r.t <= stop_time, r.speed, math.nan) / run.speed.max()
 
-    def path_max(a: Any, b: Any) -> float:
-        return measures.relative_path_gap(a, b, part).largest
-
-    def path_rms(a: Any, b: Any) -> float:
-        return measures.relative_path_gap(a, b, part).rms
-
-    def speed(a: Any, b: Any) -> float:
-        return measures.series_gap(a, b, part, relative_speed, largest=True)
-
-    def tension(a: Any, b: Any) -> float:
-        return mass_tension_rms_gap(a, b, part, run.horizontal_tension)
-
-    distances: dict[str, Distance] = {"path_max": path_max, "path_rms": path_rms}
+    distances: dict[str, Distance] = {
+        "path_max": lambda a, b: measures.relative_path_gap(a, b, part).largest,
+        "path_rms": lambda a, b: measures.relative_path_gap(a, b, part).rms,
+    }
     if run.drive == "free" and path.speed is not None:
-        distances["speed"] = speed
+        distances["speed"] = lambda a, b: measures.series_gap(a, b, part, relative_speed, largest=True)
     if path.T_behind is not None and path.T_ahead is not None:
-        distances["tension"] = tension
+        distances["tension"] = lambda a, b: mass_tension_rms_gap(a, b, part, run.horizontal_tension)
     return distances
 
 

@@ -81,6 +81,12 @@ class Ladder(Generic[Run]):
     time: Branch[Run]
     start_gap: Any = 0.0  # (x, y) of the start from a run that resolves its distance from the support; over deflection
 
+    @classmethod
+    def of_one_run(cls, run: Run) -> Ladder[Run]:
+        """Without coarser runs: bars are infinite."""
+        none: Branch[Run] = Branch((), (), 0.0)
+        return cls(run, none, none)
+
     @property
     def runs(self) -> tuple[Run, ...]:
         return self.finest, *self.space.runs, *self.time.runs

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ JUMP_WIDTH = 0.019999
 
 Window = tuple[float, float]
 Series = Callable[[Response], Array]  # (n,) or (n, c) of a run's steps
-AnyRun = TypeVar("AnyRun", bound=MassPath)
 
 
 class PathDistances(NamedTuple):
@@ -131,18 +130,6 @@ def steps_in_window(r: MassPath, window: Window) -> NDArray[np.bool_]:
     return (position >= window[0]) & (position <= window[1] * (1.0 + 1e-12))
 
 
-def _splined_to_steps(target: MassPath, source: MassPath, values: Array) -> Array:
-    """`values` (n, ...) at steps of `source`, splined to the times of `target`."""
-    t = np.clip(target.t, source.t[0], source.t[-1])
-    rounding = 1e-12 * source.t[-1]
-    steps = np.searchsorted(source.t, t - rounding)
-    if np.abs(source.t[steps] - t).max(initial=0.0) <= rounding:
-        return values[steps]
-    from scipy.interpolate import CubicSpline  # slow to load
-
-    return CubicSpline(source.t, values, axis=0)(t)
-
-
 def relative_path_distances(a: MassPath, b: MassPath, window: Window) -> PathDistances:
     """Distances of the paths over b's `path_scale`, at the steps in the window of the run with fewer.
 
@@ -150,22 +137,17 @@ def relative_path_distances(a: MassPath, b: MassPath, window: Window) -> PathDis
     """
     if not b.path_scale > 0.0:
         raise NotComparable("the mass is nowhere below its place at rest: no deflection to relate a gap to")
-    coarse, fine = _fewer_steps_first(a, b)
+    coarse, fine = sorted((a, b), key=lambda r: r.t.size)
     within = steps_in_window(coarse, window) & (coarse.t <= fine.t[-1] * (1.0 + 1e-12))
     steps = np.count_nonzero(within)
     if steps < 5:
         raise NotComparable(f"{coarse.method} has {steps} steps in the window {window}, 5 are needed")
     components = ("x", "y") if coarse.drive == "free" else ("u", "v")
     first, second = (np.stack([getattr(r, name) for name in components], axis=1) for r in (coarse, fine))  # (n, 2)
-    gap = first - _splined_to_steps(coarse, fine, second)
+    gap = first - _piecewise_spline(fine.t, second, (), np.clip(coarse.t, fine.t[0], fine.t[-1]))
     dx, dy = gap[within].T / b.path_scale
     position = coarse.s_o[within] / coarse.length
     return PathDistances(coarse.t[within], position, np.hypot(dx, dy))
-
-
-def _fewer_steps_first(a: AnyRun, b: AnyRun) -> tuple[AnyRun, AnyRun]:
-    """The run with fewer steps, then the other."""
-    return (a, b) if a.t.size <= b.t.size else (b, a)
 
 
 def relative_path_gap(a: MassPath, b: MassPath, window: Window) -> PathGap:
@@ -175,10 +157,10 @@ def relative_path_gap(a: MassPath, b: MassPath, window: Window) -> PathGap:
     return PathGap(float(distance.max()), rms, float(position[distance.argmax()]))
 
 
-def _time_mean(t: Array, values: Array) -> Array:
+def _time_mean(t: Array, values: Array) -> float:
     """The mean over time of values (n,)."""
     weights = np.gradient(t) if t.size > 1 else None
-    return np.asarray(np.average(values, weights=weights))
+    return float(np.average(values, weights=weights))
 
 
 def common_frames(a: Response, b: Response, window: Window) -> CommonFrames:
@@ -219,7 +201,7 @@ def series_gap(
 
     averaging_time : [s] of the means that are compared.  Raises NotComparable where a run has too few values.
     """
-    coarse, fine = _fewer_steps_first(a, b)
+    coarse, fine = sorted((a, b), key=lambda r: r.t.size)
     within = steps_in_window(coarse, window)
     if not within.any():
         raise NotComparable(f"{coarse.method} has no step in the window {window}")
@@ -282,11 +264,12 @@ def time_means_between(t: Array, values: Array, low: Array, high: Array, breaks:
 
 
 def _piecewise_spline(t: Array, values: Array, kinks: Sequence[float], times: Array) -> Array:
-    """Splines through values (n, c), restarted at kinks against overshoot; at times of t these values."""
-    steps = np.searchsorted(t, times).clip(max=t.size - 1)
-    if np.array_equal(t[steps], times):
+    """Values (k, c) at times by splines through (n, c), restarted at kinks against overshoot; at times of t exact."""
+    rounding = 1e-12 * t[-1]
+    steps = np.searchsorted(t, times - rounding).clip(max=t.size - 1)
+    if np.abs(t[steps] - times).max(initial=0.0) <= rounding:
         return values[steps]
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import CubicSpline  # slow to load
 
     out = np.empty((times.size, values.shape[1]))
     last = t.size - 1

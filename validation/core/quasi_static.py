@@ -84,24 +84,22 @@ def _observe_steps_and_frames(
     here = statics(s_o)
     velocity = here.along * ds[:, None]
     acceleration = here.along * dds[:, None] + here.bend * (ds**2)[:, None]
-    observed: dict[str, Any] = {"t": t, "s_o": s_o, "path": statics.displacement_of_car(s_o)}
-    observed |= {"path_velocity": velocity, "path_acceleration": acceleration}
-    observed |= {"slope_behind": here.slope_behind, "slope_ahead": here.slope_ahead}
-    observed["T_behind"] = np.where(s_o > 0.0, here.behind, np.nan)
-    observed["T_ahead"] = np.where(s_o < 1.0, here.ahead, np.nan)
-    observed["tension_min"], observed["tension_min_at"] = _min_tension_and_position(here, groups.sigma)
-    observed["contact"] = -here.jump
-    observed["reaction_left"] = -here.left_force
-    observed["reaction_right"] = here.left_force - groups.sigma * DOWN + here.jump
-    observed["haul"] = np.full(t.size, np.nan)
+    haul = np.full(t.size, np.nan)
     if groups.drive.mode == "haul":
-        observed["haul"] = _haul_force(groups, here, velocity, acceleration)
+        haul = _haul_force(groups, here, velocity, acceleration)
     kinetic = 0.5 * groups.mu * (velocity**2).sum(1)
     energy = kinetic + statics.potential_energy(s_o)
     power = np.full(t.size, np.nan)
     power[:steps] = np.gradient(energy[:steps], t[:steps])
-    observed |= {"kinetic": kinetic, "energy": energy, "power": power}
-    return Observation(**observed, **_fields_at_frames(statics, groups, s, s_o[steps:], ds[steps:]))
+    tension_min, tension_min_at = _min_tension_and_position(here, groups.sigma)
+    return Observation(
+        t=t, s_o=s_o, path=statics.displacement_of_car(s_o), path_velocity=velocity, path_acceleration=acceleration,
+        slope_behind=here.slope_behind, slope_ahead=here.slope_ahead, T_behind=np.where(s_o > 0.0, here.behind, np.nan),
+        T_ahead=np.where(s_o < 1.0, here.ahead, np.nan), tension_min=tension_min, tension_min_at=tension_min_at,
+        contact=-here.jump, reaction_left=-here.left_force,
+        reaction_right=here.left_force - groups.sigma * DOWN + here.jump, haul=haul, kinetic=kinetic, energy=energy,
+        power=power, **_fields_at_frames(statics, groups, s, s_o[steps:], ds[steps:]),
+    )  # fmt: skip
 
 
 def _haul_force(groups: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
@@ -174,7 +172,7 @@ class Statics:
 
     def potential_energy(self, s_o: Array) -> Array:
         """Work (n,) of the force that drives the car, from the first node."""
-        return np.asarray(self._spline.antiderivative()(s_o)[:, -1])
+        return self._spline.antiderivative()(s_o)[:, -1]
 
     def displacement_of_car(self, s_o: Array) -> Array:
         """Displacement of the car (n, 2); none next to a support."""

@@ -14,7 +14,7 @@ from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.flags import with_flag
 from validation.core.ladder import ROUNDING, Branch, Goal, Ladder, identity
-from validation.core.measures import SLACK_END, NotComparable
+from validation.core.measures import SLACK_END, NotComparable, relative_path_gap
 from validation.core.methods import Method, find_method
 from validation.core.order import FIRST, MIN_ORDER
 from validation.core.running import Run
@@ -302,11 +302,7 @@ Gap = Callable[[Response, Response, View], float]  # of a coarse run to a fine o
 
 def path_bar_parts(ladder: Ladder, view: View) -> tuple[float, float]:
     """The parts of the bar of the path; infinite if unknown."""
-    return gap_bar_parts(ladder, view, _largest_path_gap)
-
-
-def _largest_path_gap(coarse: Response, fine: Response, view: View) -> float:
-    return measures.relative_path_gap(coarse, fine, view.window).largest
+    return gap_bar_parts(ladder, view, lambda coarse, fine, view: relative_path_gap(coarse, fine, view.window).largest)
 
 
 def _tension_gap(coarse: Response, fine: Response, view: View) -> float:
@@ -330,7 +326,7 @@ def with_error_bars(ladder: Ladder, view: View) -> Ladder:
     tension = gap_bar_parts(ladder, view, _tension_gap, FIRST)
     try:
         window = view.cut_to_valid_range(finest).window
-        measures.relative_path_gap(finest, finest, window)
+        relative_path_gap(finest, finest, window)
         if not math.isfinite(sum(path)):
             what = "resolution" if math.isinf(path[0]) else "steps"
             raise NotComparable(f"the run with half the {what} ends before s_o/l = {window[1]:.3f}, or there is none")

@@ -7,6 +7,7 @@ agree then is not printed.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 from cablefem.response import Array
 from cablefem.scene import Scene
@@ -20,8 +21,7 @@ from validation.core.store import Refused
 SHARE = 0.1  # of duration, deflection or 1: the largest change that is tried
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
+class Change(NamedTuple):
     """A number added to some columns, or the factor of v."""
 
     words: str

@@ -75,7 +75,7 @@ def car_point_at_rest(cable: EmptyCable, s_o: float, car_weight: float, friction
         stretch = float(np.hypot(both[:, 0], both[:, 1]).sum())
         resisting = friction * car_weight * abs(tau[0]) * size / stretch
         held = resisting - car_weight * tau[1]
-        return np.asarray(load - held * tau)
+        return load - held * tau
 
     def end_and_balance_gaps(forces: Array) -> Array:
         left, jump = forces.reshape(2, 2) * [[H], [car_weight]]
@@ -88,4 +88,4 @@ def car_point_at_rest(cable: EmptyCable, s_o: float, car_weight: float, friction
         return np.full(2, math.nan)
     left, jump = forces.reshape(2, 2) * [[H], [car_weight]]
     behind = s < s_o
-    return np.asarray(ds[behind] @ slopes_at_points(left, jump)[behind])
+    return ds[behind] @ slopes_at_points(left, jump)[behind]

@@ -110,23 +110,20 @@ def response_of_history(scene: Scene, history: History, *, frames: int = FRAMES,
     states = _finite_states_noting_failure(history)
     position, w = history.solver.mass_positions_and_displacements(states)
     observe = partial(_observed_fields, scene, copy(history), states, frames, list(history.work.events))
-    fields = how | scene_and_path_in_si(scene, states.t, position, w)
-    fields["n_dof"] = history.states[0].q.size
-    fields["seconds"] = history.seconds
+    onset = _slack_onset_within(history, states)
+    slack_onset = None if onset is None else float(position[onset.step])
     counts = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
-    fields["work"] = {name: getattr(history.work, name) for name in counts}
     motion = scene.groups.motion
     phases = [] if motion is None else motion.phases[1:]
-    fields["breaks"] = [scene.time_scale * t for t, _ in phases if t < states.t[-1]]
-    fields["status"] = "complete" if history.failure is None else "incomplete"
-    fields["cause"], fields["reason"] = history.failure or (None, None)
-    onset = _slack_onset_within(history, states)
-    fields |= dict.fromkeys(("slack_onset", "slack_at", "switched"))
-    if onset is not None:
-        fields["slack_onset"] = float(position[onset.step])
-        fields["slack_at"] = float(onset.s)
-        fields["switched"] = None if history.after is None else fields["slack_onset"]
-    return Response(**fields, later=computed_when_looked_at(observe, OBSERVED))
+    cause, reason = history.failure or (None, None)
+    return Response(
+        **how, **scene_and_path_in_si(scene, states.t, position, w), n_dof=history.states[0].q.size,
+        seconds=history.seconds, work={name: getattr(history.work, name) for name in counts},
+        breaks=[scene.time_scale * t for t, _ in phases if t < states.t[-1]],
+        status="complete" if history.failure is None else "incomplete", cause=cause, reason=reason,
+        slack_onset=slack_onset, slack_at=None if onset is None else float(onset.s),
+        switched=None if history.after is None else slack_onset, later=computed_when_looked_at(observe, OBSERVED),
+    )  # fmt: skip
 
 
 def computed_when_looked_at(
@@ -319,7 +316,8 @@ def _observe_steps_and_frames(
         n = of_steps.t.size
         k = of_frames.t.size
         if n + k:
-            observations.append(solver.observe(_concatenate_states(of_steps, of_frames), s, n + np.arange(k)))
+            together = States._make(map(np.concatenate, zip(of_steps, of_frames, strict=True)))
+            observations.append(solver.observe(together, s, n + np.arange(k)))
             is_step.append(np.arange(n + k) < n)
     return Observation.concatenated(observations), np.concatenate(is_step)
 
@@ -328,7 +326,3 @@ def _states_on_side(states: States, switch: float, before: bool) -> States:
     """The states up to the time of a switch, or those after it."""
     end = int(np.searchsorted(states.t, switch, side="right"))
     return _select_states(states, slice(end) if before else slice(end, None))
-
-
-def _concatenate_states(a: States, b: States) -> States:
-    return States._make(map(np.concatenate, zip(a, b, strict=True)))

@@ -15,7 +15,7 @@ def _path_at_positions(r: Response, at: Array) -> Array:
     position = r.s_o / r.length
     rising = np.diff(position, prepend=-math.inf) > 0.0
     path = np.stack([r.u, r.v], axis=1)
-    return np.asarray(PchipInterpolator(position[rising], path[rising], extrapolate=False)(at))
+    return PchipInterpolator(position[rising], path[rising], extrapolate=False)(at)
 
 
 def path_distances_over_deflection(a: Response, b: Response, positions: Array) -> Array:

@@ -22,7 +22,7 @@ from validation.commands.run.motion import (
 )
 from validation.core import motion_laws, refine, store
 from validation.core.agreement import DEFAULT_TOL, FORCES, Agreement, Verdict, worst_deciding_verdict
-from validation.core.ladder import Branch, Ladder
+from validation.core.ladder import Ladder
 from validation.core.motion_rows import (
     LineComparison,
     LineRun,
@@ -132,21 +132,15 @@ def detectable_input_changes(result: MotionAnswers) -> dict[str, float]:
     """Smallest relative change of each input key that this check would detect, by one of the coarsest runs a key."""
     line = result.line
     first = LineRuns(ELEMENTS, line)
-    base = _ladder_of_one_run(first.run(1, 1))
+    base = Ladder.of_one_run(first.run(1, 1))
     asked = LineTolerance(TOL, FORCES * TOL)  # decides no gap
 
     def gaps_to(changed_line: Line) -> sensitivities.Gaps:
-        changed = _ladder_of_one_run(LineRuns(ELEMENTS, changed_line, first).run(1, 1))
+        changed = Ladder.of_one_run(LineRuns(ELEMENTS, changed_line, first).run(1, 1))
         comparison = LineComparison(base, changed, reference_scales(line, result.moved), asked)
         return {(row.quantity, row.law): row.gap for row in comparison.rows() if row.bound.kind == "error bars"}
 
     return sensitivities.detectable_input_changes_by_gaps(line, result.rows, gaps_to)
-
-
-def _ladder_of_one_run(run: LineRun) -> Ladder[LineRun]:
-    """A run without coarser ones."""
-    none: Branch[LineRun] = Branch((), (), 0.0)
-    return Ladder(run, none, none)
 
 
 def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> None:
