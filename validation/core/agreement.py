@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any
+from typing import Any, NamedTuple
 
 from validation.core.store import nulls_for_nonfinite
 
@@ -32,8 +32,7 @@ def verdict_of_gap(gap: float, sum_of_bars: float, tolerance: float) -> Verdict:
     return Verdict.AGREE if max(gap, sum_of_bars) <= tolerance else Verdict.TOO_COARSE
 
 
-@dataclass(frozen=True, slots=True)
-class BoundPart:
+class BoundPart(NamedTuple):
     """One contribution to an allowed gap."""
 
     name: str  # of its run, third party or law

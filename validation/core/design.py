@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
@@ -187,10 +186,9 @@ def _numbers_for_limits(scene: Scene) -> Iterator[Number]:
     if scene.travel is None or scene.travel.kind == "table":
         return
     rates = _accelerations_of_timetable(scene)
-    if "acceleration" in asked and rates:
-        yield _design_row("acceleration_max", max(0.0, *rates), 0.0, "m/s2")
-    if "deceleration" in asked and rates:
-        yield _design_row("deceleration_max", max(0.0, *(-rate for rate in rates)), 0.0, "m/s2")
+    for demand, sign in (("acceleration", 1.0), ("deceleration", -1.0)):
+        if demand in asked and rates:
+            yield _design_row(f"{demand}_max", max(0.0, *(sign * rate for rate in rates)), 0.0, "m/s2")
 
 
 def _number_of_sag_at_rest(scene: Scene) -> Number:
@@ -326,7 +324,7 @@ def _number_of_extreme(signal: Signal, ladder: Ladder) -> Number | None:
     where["s_o"] = float(np.interp(extreme.t, r.t, r.s_o))
     where["x"] = float(np.interp(extreme.s, r.fields.s, r.fields.x))
     if unit == "N":
-        raw = replace(signal, period=0.0)
+        raw = signal._replace(period=0.0)
         bar_peak = math.inf
         if ladder.runs[1:] and not _scheme_damps_axial_waves(r):  # else coarser runs do not show their error
             bar_peak = _bar_of_extreme(raw, extreme, signal.period, ladder, FIRST)
@@ -359,8 +357,7 @@ class _Extreme(NamedTuple):
     step: float  # [s] between samples
 
 
-@dataclass(frozen=True, slots=True)
-class Signal:
+class Signal(NamedTuple):
     """A design number by its definition: the extreme of signals of a run, the smallest if its name says min.
 
     time_span : [s].  period : [s] of means; 0: of the signals as they are.

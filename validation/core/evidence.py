@@ -240,15 +240,11 @@ class Evidence:
         v_behind, v_ahead = velocities
         pairs = []
         for i, k in enumerate(frames):
-            x = f.x + f.u[k]
-            y = f.y + f.v[k]
-            rows = np.column_stack([f.s, x, y, f.du[k], f.dv[k], f.T_static, f.T[k]])  # (m, 7)
+            rows = np.column_stack([f.s, f.x + f.u[k], f.y + f.v[k], f.du[k], f.dv[k], f.T_static, f.T[k]])  # (m, 7)
             car_behind = [s_o[i], *points[i], *v_behind[i], T_static[i], f.T_behind[k]]
             car_ahead = [s_o[i], *points[i], *v_ahead[i], T_static[i], f.T_ahead[k]]
-            is_behind = f.s < s_o[i] * (1.0 - ROUNDING)
-            is_ahead = f.s > s_o[i] * (1.0 + ROUNDING)
-            behind = Side.from_rows(np.vstack([rows[is_behind], car_behind]))
-            ahead = Side.from_rows(np.vstack([car_ahead, rows[is_ahead]]))
+            behind = Side.from_rows(np.vstack([rows[f.s < s_o[i] * (1.0 - ROUNDING)], car_behind]))
+            ahead = Side.from_rows(np.vstack([car_ahead, rows[f.s > s_o[i] * (1.0 + ROUNDING)]]))
             pairs.append((behind, ahead))
         return pairs
 

@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -141,8 +141,7 @@ def row_with_error_bars(
     return Agreement(quantity, gap, Bound("error bars", tuple(bars)), required=required, parts=tuple(parts))
 
 
-@dataclass(frozen=True, slots=True)
-class Goal:
+class Goal(NamedTuple):
     """An error bar and the target that refinement brings it down to.
 
     parts : of the bar in space and time;  order : the largest that is credited.

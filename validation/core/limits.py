@@ -6,9 +6,8 @@ A limit within the bar is "too close to tell".
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from cablefem.scene import Scene
 from cablefem.scene.limits import DEMANDS, TEXTS, Limits
@@ -21,8 +20,7 @@ TOO_CLOSE = "too close to tell"
 Row = dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class ValueWithBar:
+class ValueWithBar(NamedTuple):
     """A computed value with its bar; nan: unknown, and why."""
 
     value: float
@@ -235,7 +233,7 @@ class _ComputedDemandValues:
         for kind, numbers in self.numbers.items():
             for x in numbers if kind.startswith("clearance") else ():
                 if x.subject.partition(":")[2].split(" over ")[-1] == name:
-                    yield replace(x, subject=name)
+                    yield x._replace(subject=name)
 
 
 # demands and the kind of design number that answers them: its largest, its smallest, or a value computed from some

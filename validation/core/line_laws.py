@@ -67,8 +67,6 @@ class LineAtRest(LineData):
         cable = data["cable"]
         self.cars: list[dict[str, Any]] = data.get("car", [])
         self.profiles = obstacle_and_ground_profiles(data)
-        self.length: float | None = cable.get("length")
-        self.prescribed_tension: dict[str, Any] | None = cable.get("tension")
         self.breaking_load: float | None = cable.get("breaking_load")
         self.q_empty = self.empty_mass_per_length * self.gravity
         self.q = self.mass_per_length * self.gravity
@@ -250,7 +248,7 @@ def statics_law_rows(toml: str, rest: StatesAtRest) -> Iterator[Agreement]:
     empty_length = float(np.ptp(rest.empty.s))
     for where, rope in _ropes_of_all_states(data, rest):
         defects = [*_defects_of_pieces(data, rope, empty_length), *_defects_of_stations(rope)]
-        prescribed = data.prescribed_tension
+        prescribed = data.data["cable"].get("tension")
         if where == "empty" and prescribed is not None:
             tension = float(np.nanmax(rope.tensions[:, rope.station_index(prescribed["at"])]))
             defects.append(("tension of the empty line", (tension - prescribed["value"]) / rope.tension_max))
@@ -267,7 +265,7 @@ def _defects_of_pieces(data: LineAtRest, rope: RopeAtRest, empty_length: float) 
     x, y, _ = rope.points_and_tension_at_s(rope.ends_of_pieces)
     yield "shape and stretch", (np.column_stack([x, y]) - rope.points[1:]) / rope.reach
     if not any(c["kind"] == "counterweight" for c in data.contacts):
-        length = data.length or empty_length
+        length = data.data["cable"].get("length", empty_length)
         yield "unstretched length", (np.ptp(rope.s) - length) / length
 
 

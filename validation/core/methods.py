@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import entry_points
 from numbers import Real
-from typing import Any
+from typing import Any, NamedTuple
 
 from cablefem.newmark import SCHEMES
 from cablefem.scene import Groups
@@ -14,8 +14,7 @@ from cablefem.scene.errors import did_you_mean, short_text
 from validation.core.solver import Solver
 
 
-@dataclass(frozen=True, slots=True)
-class Setting:
+class Setting(NamedTuple):
     """A setting of a method: its default, and what it may be."""
 
     default: Any
@@ -58,8 +57,7 @@ _MESH = {"grading": Setting(1.0, (1.0, 1e6), "largest over smallest element; the
 Build = Callable[..., Solver]
 
 
-@dataclass(frozen=True, slots=True)
-class Resolution:
+class Resolution(NamedTuple):
     """How a method is refined in space, and its cost."""
 
     setting: str
@@ -214,7 +212,7 @@ def _build_galerkin(family: str, kink: bool, groups: Groups, settings: dict[str,
 
 
 def _element_resolution(unknowns_per_element: int) -> Resolution:
-    return replace(ELEMENTS, unknowns=lambda elements: float(unknowns_per_element * elements))
+    return ELEMENTS._replace(unknowns=lambda elements: float(unknowns_per_element * elements))
 
 
 def _settings_of_following_mesh(default_elements: int) -> dict[str, Setting]:

@@ -373,29 +373,19 @@ def event_place_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
     located_to = 1e-6  # of the length: steps end at events to the tolerance of Newton's method
     defects = [0.0]
     for car in motion.cars:
-        distances = [
-            *_distances_at_brake_events(line, moved, car, length),
-            *_distances_at_shoe_events(line, moved, car),
-        ]
-        defects += [distance / length for distance in distances]
         brakes = line.brake_positions(car.name)
-        begun, ended = (len(_times_of_event(moved, car, event)) for event in BRAKE_EVENTS)
+        begun, ended = (_times_of_event(moved, car, event) for event in BRAKE_EVENTS)
+        at_events = np.interp([*begun, *ended], motion.t, car.s)
+        off_brakes = np.abs(brakes - at_events[:, None]).min(axis=1, initial=length)
+        defects += [distance / length for distance in (*off_brakes, *_distances_at_shoe_events(line, moved, car))]
         passed = int(np.sum(brakes <= car.s[-1])) - int(np.sum(brakes <= car.s[0]))
         ends_at_brake = np.abs(brakes - car.s[-1]).min(initial=length) <= located_to * length
-        defects.append(float(begun - ended != passed and not ends_at_brake))
+        defects.append(float(len(begun) - len(ended) != passed and not ends_at_brake))
     return np.array([max(max(defects) - located_to, 0.0)])
 
 
 def _times_of_event(moved: Any, car: Any, name: str) -> list[float]:
     return [t for event, t in moved.events if event == f"{car.name} {name}"]
-
-
-def _distances_at_brake_events(line: LineTables, moved: Any, car: Any, farthest: float) -> Iterator[float]:
-    """Distances [m] of a car from the nearest brake at its events of brakes; `farthest` without a brake."""
-    brakes = line.brake_positions(car.name)
-    times = [t for event in BRAKE_EVENTS for t in _times_of_event(moved, car, event)]
-    for s in np.interp(times, moved.motion.t, car.s):
-        yield float(np.abs(brakes - s).min(initial=farthest))
 
 
 def _distances_at_shoe_events(line: LineTables, moved: Any, car: Any) -> Iterator[float]:

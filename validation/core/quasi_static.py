@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -249,8 +249,7 @@ def _station_points(r: Rest, groups: Groups, s: Array) -> Array:
 # --- error bars ----------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class InertiaErrors:
+class InertiaErrors(NamedTuple):
     """Errors of a model without the inertia of the rope."""
 
     deflection: float  # [m] largest

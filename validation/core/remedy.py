@@ -5,7 +5,7 @@ agree then is not printed.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -50,8 +50,7 @@ class Change(NamedTuple):
         return ForeignPath.from_columns(path.method, scene, columns)
 
 
-@dataclass(frozen=True, slots=True)
-class Remedies:
+class Remedies(NamedTuple):
     """Changes of a path on a scene that may make it agree with both solvers in a window.
 
     tol : allowed beside our bars, relative to the largest deflection.

@@ -1,5 +1,4 @@
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -33,7 +32,7 @@ def command(
         content = {}
         for name, method in methods.items():
             content[name] = {"title": method.title, "use": method.use, "wrong": method.wrong}
-            content[name]["settings"] = {key: asdict(setting) for key, setting in method.all_settings.items()}
+            content[name]["settings"] = {key: setting._asdict() for key, setting in method.all_settings.items()}
         with claim_and_finish_results(out, "methods", "methods", ["methods.json"]) as folder:
             write_json(folder / "methods.json", content)
         return 0
