@@ -158,10 +158,9 @@ class _ComputedDemandValues:
         if demand == "clearance":
             return list(self._smallest_clearances(rule))
         value = None
-        if demand in LARGEST:
-            value = self._largest(LARGEST[demand])
-        elif demand in SMALLEST:
-            value = self._smallest(SMALLEST[demand])
+        if demand in NUMBERS:
+            extreme = self._smallest if DEMANDS[demand][1] == "at least" else self._largest
+            value = extreme(NUMBERS[demand])
         elif demand in COMPUTED:
             value = COMPUTED[demand](self)
         if value is None:
@@ -236,10 +235,12 @@ class _ComputedDemandValues:
                     yield x._replace(subject=name)
 
 
-# demands and the kind of design number that answers them: its largest, its smallest, or a value computed from some
-LARGEST = {"acceleration": "acceleration_max", "deceleration": "deceleration_max", "speed": "speed_max"}
 ONLY_IN_MOTION = ("tension_over_wheel", "swing_along", "arrival_speed")
-SMALLEST = {"tension_over_wheel": "tension_over_wheel_min", "knee_empty": "knee_empty_min"}
+# demands and what answers them: the kind of design number whose extreme counts, or a value computed from some
+NUMBERS = {
+    "acceleration": "acceleration_max", "deceleration": "deceleration_max", "speed": "speed_max",
+    "tension_over_wheel": "tension_over_wheel_min", "knee_empty": "knee_empty_min",
+}  # fmt: skip
 COMPUTED: dict[str, Callable[[_ComputedDemandValues], ValueWithBar | None]] = {
     "safety_factor": _ComputedDemandValues.safety_factor,
     "tension_over_contact": _ComputedDemandValues.tension_over_contact,

@@ -196,32 +196,32 @@ class _StoredDemandValues:
 
     def value_of_demand(self, demand: str, row: Row) -> _ValueAndBar | None:
         """The value of a demand; None where it is unknown."""
-        if demand == "clearance":
-            return self._min_clearance(row)
         if demand == "arrival_speed":
             first = next((x for x in self.events if x["event"] in ("brake", "arrival")), None)
             return None if first is None else self._value_and_bar(first, "speed", "bar_speed")
         if demand == "swing_along":
             swings = [*self._values_of_kind("swing_max"), *self._values_of_kind("swing_min")]
             return _tangent_of_widest(swings) if swings else None
-        if demand in NUMBERS:
-            return self._extreme(demand)
-        return self._ratio(demand) if demand in RATIOS else None
+        if demand in RATIOS:
+            return self._ratio(demand)
+        values = self._numbers_of_demand(demand, row)
+        if not values:
+            return None
+        return _smallest(values) if row["side"] == "at least" else max(values)
 
     def _values_of_kind(self, kind: str) -> Collection[_ValueAndBar]:
         return self.by_kind.get(kind, {}).values()
 
-    def _extreme(self, demand: str) -> _ValueAndBar | None:
-        """The number of a demand; of knees under load, of the last contact before the end or of the others."""
-        values = self._values_of_kind(NUMBERS[demand])
+    def _numbers_of_demand(self, demand: str, row: Row) -> Collection[_ValueAndBar]:
+        """Numbers of which one is limited; of knees under load, of the last contact before the end or of the others."""
+        if demand == "clearance":
+            return self._clearances(row)
+        numbers = self.by_kind.get(NUMBERS.get(demand, ""), {})
         if demand in ("knee_loaded", "knee_last"):
             last = self.scene["contact"][-2]["name"] if "contact" in self.scene else ""
             of_last = demand == "knee_last"
-            knees = self.by_kind.get(NUMBERS[demand], {})
-            values = [x for contact, x in knees.items() if (contact == last) is of_last]
-        if not values:
-            return None
-        return _smallest(values) if demand in ("knee_empty", "tension_over_wheel") else max(values)
+            return [x for contact, x in numbers.items() if (contact == last) is of_last]
+        return numbers.values()
 
     def _ratio(self, demand: str) -> _ValueAndBar | None:
         """The ratio of two numbers that a demand names, relative bars added; None without both."""
@@ -234,16 +234,16 @@ class _StoredDemandValues:
         bar = (above.bar + abs(ratio) * below.bar) / abs(below.value)
         return _ValueAndBar(ratio - 1.0 if demand == "sag_growth" else ratio, bar)
 
-    def _min_clearance(self, row: Row) -> _ValueAndBar | None:
-        """The smallest clearance over a row's obstacle or ground; None if its text needs a kind that nobody gave."""
+    def _clearances(self, row: Row) -> list[_ValueAndBar]:
+        """Clearances over a row's obstacle or ground; none if its text needs a kind that nobody gave."""
         name = row["demand"].removeprefix(OVER)
+        over: list[_ValueAndBar] = []
         if row["source"] != "the scene" and _kinds_of_obstacles_and_ground(self.scene).get(name) is None:
-            return None
-        over = []
+            return over
         for kind, numbers in self.by_kind.items():
             if kind.startswith("clearance"):
                 over += [x for key, x in numbers.items() if key.split(" over ")[-1] == name]
-        return _smallest(over) if over else None
+        return over
 
 
 def _smallest(values: Collection[_ValueAndBar]) -> _ValueAndBar:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +18,11 @@ from validation.core.readback.stored import (
     worst_asked_verdict,
 )
 from validation.core.readback.texts import plain_text, rows_of_each_table
-from validation.core.scene_data import Array, thermal_stretch
+from validation.core.scene_data import thermal_stretch
 from validation.core.stored_files import damaged_files_are_faults, read_csv_columns, read_json
 
 COUNTED = "comparisons of two solvers agree", "laws hold", "kinds of printed numbers are as computed"
 TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
-Paths = Mapping[str, dict[str, Array]]  # columns of the cars' files, by car
 
 
 @damaged_files_are_faults
@@ -102,121 +101,105 @@ def _agreement_count_sentences(judged: Sequence[Row]) -> Iterator[str]:
 @damaged_files_are_faults
 def moving_line_outcome_faults(folder: Path) -> Faults:
     """Faults of the outcome of a line in motion: its kind, where the cars end, what is hit, the largest tension."""
-    summary = read_json(folder / "summary.json")
-    scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
-    paths = {car["name"]: read_csv_columns(folder / f"path-{car['name']}.csv") for car in scene["car"]}
-    design = {number["quantity"]: number for number in summary["design"]}
-    hit = [x for x in design.values() if x["quantity"].startswith("clearance") and _upper_end_of_bar(x) < TOUCHES]
-    kind = _expected_outcome_kind(summary, design, hit) or _expected_end_kind(paths, scene, summary["events"])
-    if summary["outcome_kind"] != kind:
-        yield f"outcome: {summary['outcome_kind']} where the files say {kind}"
-    parts = list(_expected_numbers_of_outcome(design["tension_max"], hit))
-    if summary["status"] == "complete":
-        parts += _expected_end_sentences(paths, scene, summary["events"])
-        yield from _early_end_faults(paths, scene, summary)
-    for part in parts:
-        if part not in summary["outcome"]:
-            yield f"outcome: {summary['outcome']!r} does not say {part!r}"
+    return _MovingLine(folder).outcome_faults()
 
 
-def _expected_numbers_of_outcome(tension: Row, hit: Sequence[Row]) -> Iterator[str]:
-    """What the outcome says of the largest tension, and of how deep things are hit."""
-    yield f"largest tension {tension['value'] / 1e3:.1f} kN at {tension['t']:.1f} s"
-    for x in hit:
-        over = x["quantity"].partition(":")[2].rpartition(" over ")[2]  # the name alone of what the rope hits
-        yield f"hits {over} by {-x['value']:.2f} m"
+class _MovingLine:
+    """What the files of a line in motion say of how its run ends."""
 
+    def __init__(self, folder: Path) -> None:
+        self.summary = read_json(folder / "summary.json")
+        self.scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
+        self.cars: list[Row] = self.scene["car"]
+        self.paths = {car["name"]: read_csv_columns(folder / f"path-{car['name']}.csv") for car in self.cars}
+        self.design = {number["quantity"]: number for number in self.summary["design"]}
+        self.end = max(path["t"][-1] for path in self.paths.values())  # [s]
+        drives = {car["name"]: car.get("drive", {}) for car in self.cars}
+        self.free = {name: drive for name, drive in drives.items() if drive.get("mode") == "free"}
+        self.stops = {name: self._lasting_stop_time(name, drive) for name, drive in drives.items()}
+        last = self.summary["events"][-1:]
+        self.last_event: str = last[0]["event"] if last and last[0]["t"] >= self.end * (1.0 - 1e-9) else ""
 
-def _expected_outcome_kind(summary: Row, design: dict[str, Row], hit: Sequence[Row]) -> str:
-    """The kind of outcome that numbers say, the first that holds; "" if how the ride ends says it."""
-    if summary["status"] != "complete":
-        return "incomplete"
-    if "safety_factor_min" in design and _upper_end_of_bar(design["safety_factor_min"]) < 1.0:
-        return "breaks"
-    if hit:
-        return "collides"
-    return ""
+    def _lasting_stop_time(self, name: str, drive: Row) -> float | None:
+        """Time [s] of a car's last stop before the end of its path, if it has not moved since."""
+        path = self.paths[name]
+        before_end = path["t"][-1] * (1.0 - 1e-9)
+        of_car = [x["t"] for x in self.summary["events"] if x["event"] == f"{name} stops" and x["t"] < before_end]
+        if not of_car:
+            return None
+        distance = abs(path["s_o"][-1] - np.interp(of_car[-1], path["t"], path["s_o"]))
+        return of_car[-1] if distance <= drive.get("rest_distance", 0.01) else None
 
+    def outcome_faults(self) -> Faults:
+        """Faults of the kind of outcome, and of its sentence."""
+        clearances = [number for name, number in self.design.items() if name.startswith("clearance")]
+        hit = [number for number in clearances if _upper_end_of_bar(number) < TOUCHES]
+        complete = self.summary["status"] == "complete"
+        breaks = "safety_factor_min" in self.design and _upper_end_of_bar(self.design["safety_factor_min"]) < 1.0
+        kinds = {"incomplete": not complete, "breaks": breaks, "collides": hit}
+        kind = next((kind for kind, holds in kinds.items() if holds), None) or self._expected_end_kind()
+        if self.summary["outcome_kind"] != kind:
+            yield f"outcome: {self.summary['outcome_kind']} where the files say {kind}"
+        tension = self.design["tension_max"]
+        parts = [f"largest tension {tension['value'] / 1e3:.1f} kN at {tension['t']:.1f} s"]
+        for x in hit:
+            over = x["quantity"].partition(":")[2].rpartition(" over ")[2]  # the name alone of what the rope hits
+            parts.append(f"hits {over} by {-x['value']:.2f} m")
+        if complete:
+            parts += self._expected_end_sentences()
+            yield from self._early_end_faults()
+        for part in parts:
+            if part not in self.summary["outcome"]:
+                yield f"outcome: {self.summary['outcome']!r} does not say {part!r}"
 
-def _expected_end_kind(paths: Paths, scene: Row, events: Sequence[Row]) -> str:
-    """The kind of outcome by the last event, or by who still rolls without one."""
-    free = _drives_of_free_cars(scene)
-    of_one_ride = len(scene["car"]) == 1 and free
-    end_event = _event_at_end(paths, events)
-    if end_event:
-        return _kind_of_last_event(scene, paths, end_event) if of_one_ride else "ends"
-    if not free:
-        return "arrives"
-    if any(_lasting_stop_time(paths, name, drive, events) is None for name, drive in free.items()):
-        return "rolling"
-    return _kind_of_stop(scene, paths) if of_one_ride else "ends"
+    def _expected_end_kind(self) -> str:
+        """The kind of outcome by the last event, or by who still rolls without one."""
+        of_one_ride = len(self.cars) == 1 and self.free
+        if self.last_event:
+            return self._kind_of_last_event() if of_one_ride else "ends"
+        if not self.free:
+            return "arrives"
+        if any(self.stops[name] is None for name in self.free):
+            return "rolling"
+        return self._kind_of_stop() if of_one_ride else "ends"
 
-
-def _early_end_faults(paths: Paths, scene: Row, summary: Row) -> Faults:
-    """Free cars that were not at rest for an axial round trip in a run that ends before its time without an event."""
-    free = _drives_of_free_cars(scene)
-    t = max(path["t"][-1] for path in paths.values())
-    latest = max((drive["end"]["time"] for drive in free.values()), default=0.0)
-    if _event_at_end(paths, summary["events"]) or t >= latest * (1.0 - 1e-9):
-        return
-    for name, drive in free.items():
-        stop = _lasting_stop_time(paths, name, drive, summary["events"])
+    def _early_end_faults(self) -> Faults:
+        """Free cars not at rest for an axial round trip in a run that ends before its time without an event."""
+        latest = max((drive["end"]["time"] for drive in self.free.values()), default=0.0)
+        if self.last_event or self.end >= latest * (1.0 - 1e-9):
+            return
+        ended = f"the run ends after {self.end:.4g} s of {latest:.4g} s"
         chords_in_rope = 0.9  # at least: the run takes the one for the other under a counterweight
-        if stop is None or t - stop < chords_in_rope * summary["round_trip"]:
-            yield f"outcome: the run ends after {t:.4g} s of {latest:.4g} s, and {name} is not at rest by then"
+        for name in self.free:
+            stop = self.stops[name]
+            if stop is None or self.end - stop < chords_in_rope * self.summary["round_trip"]:
+                yield f"outcome: {ended}, and {name} is not at rest by then"
 
+    def _kind_of_stop(self) -> str:
+        """The kind of outcome of the one car, which has stopped."""
+        (path,) = self.paths.values()
+        stretch = thermal_stretch(self.scene["cable"])
+        brakes = [stretch * brake["from"] for brake in self.cars[0]["drive"].get("brake", [])]
+        return "stopped_by_brake" if path["s_o"][-1] >= min(brakes, default=np.inf) else "stuck"
 
-def _kind_of_stop(scene: Row, paths: Paths) -> str:
-    """The kind of outcome of the one car, which has stopped."""
-    (path,) = paths.values()
-    stretch = thermal_stretch(scene["cable"])
-    brakes = [stretch * brake["from"] for brake in scene["car"][0]["drive"].get("brake", [])]
-    return "stopped_by_brake" if path["s_o"][-1] >= min(brakes, default=np.inf) else "stuck"
+    def _kind_of_last_event(self) -> str:
+        """The kind of outcome of the one car, which rolls freely."""
+        ((name, path),) = self.paths.items()
+        ends = [self.scene["contact"][i] for i in (0, -1)]
+        distances = {contact["name"]: abs(contact["at"][0] - path["x"][0]) for contact in ends}
+        reached = self.last_event.removeprefix(f"{name} reaches ")
+        if reached not in distances:
+            return "ends"
+        return "arrives" if distances[reached] == max(distances.values()) else "rolls_back"
 
-
-def _event_at_end(paths: Paths, events: Sequence[Row]) -> str:
-    """The last event, if it ends the run; else ""."""
-    t = max(path["t"][-1] for path in paths.values())
-    return events[-1]["event"] if events and events[-1]["t"] >= t * (1.0 - 1e-9) else ""
-
-
-def _kind_of_last_event(scene: Row, paths: Paths, event: str) -> str:
-    """The kind of outcome of the one car, which rolls freely."""
-    ((name, path),) = paths.items()
-    distances = {scene["contact"][i]["name"]: abs(scene["contact"][i]["at"][0] - path["x"][0]) for i in (0, -1)}
-    reached = event.removeprefix(f"{name} reaches ")
-    if reached not in distances:
-        return "ends"
-    return "arrives" if distances[reached] == max(distances.values()) else "rolls_back"
-
-
-def _expected_end_sentences(paths: Paths, scene: Row, events: Sequence[Row]) -> Iterator[str]:
-    """When and how a run ends, where each car is then, and since when if it stays there."""
-    for car in scene["car"]:
-        name = car["name"]
-        path = paths[name]
-        yield f"{name} at x = {path['x'][-1]:.1f} m"
-        stop = _lasting_stop_time(paths, name, car.get("drive", {}), events)
-        if stop is not None:
-            yield f"{name} stops at x = {np.interp(stop, path['t'], path['x']):.1f} m after {stop:.1f} s"
-    yield f"{_event_at_end(paths, events) or 'ends'} after {path['t'][-1]:.1f} s"
-
-
-def _drives_of_free_cars(scene: Row) -> dict[str, Row]:
-    """Tables of the drives of cars that roll freely, by name."""
-    return {car["name"]: car["drive"] for car in scene["car"] if car.get("drive", {}).get("mode") == "free"}
-
-
-def _lasting_stop_time(paths: Paths, name: str, drive: Row, events: Sequence[Row]) -> float | None:
-    """Time [s] of a car's last stop before the end of its path, if it has not moved since."""
-    path = paths[name]
-    t = path["t"]
-    before_end = t[-1] * (1.0 - 1e-9)
-    earlier = [x["t"] for x in events if x["event"] == f"{name} stops" and x["t"] < before_end]
-    if not earlier:
-        return None
-    distance = abs(path["s_o"][-1] - np.interp(earlier[-1], t, path["s_o"]))
-    return earlier[-1] if distance <= drive.get("rest_distance", 0.01) else None
+    def _expected_end_sentences(self) -> Iterator[str]:
+        """When and how a run ends, where each car is then, and since when if it stays there."""
+        for name, path in self.paths.items():
+            yield f"{name} at x = {path['x'][-1]:.1f} m"
+            stop = self.stops[name]
+            if stop is not None:
+                yield f"{name} stops at x = {np.interp(stop, path['t'], path['x']):.1f} m after {stop:.1f} s"
+        yield f"{self.last_event or 'ends'} after {self.end:.1f} s"
 
 
 def _upper_end_of_bar(number: Row) -> float:
