@@ -151,8 +151,8 @@ def _car_powers(system: LineSines, k: int, states: Sequence[State], s: Array, at
         power -= wheel.mean_stretch * force * sign * wheel.ds
     powers[f"{name} friction"] = power
     if drive.mode == "free":
-        fractions = [drive.remaining_hold_fraction(t) for t in times.tolist()]
-        powers[f"{name} hold"] = x.mean_stretch * (system.holds[k] * np.array(fractions)) * x.ds
+        hold = system.holds[k] * drive.remaining_hold_fraction(times)
+        powers[f"{name} hold"] = x.mean_stretch * hold * x.ds
     return powers
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,6 @@ from galerkin.line_off_rope import CarOnShoeOffRope
 from galerkin.line_rest import chord_lengths, coordinates_at_rest
 from galerkin.segments import Layout
 
-CACHED_INSTANTS = 8  # whose prescribed coordinates are kept: a step's nodes are evaluated several times
 NUDGE = 1e-4  # [s] for the velocity of a line that starts in motion
 SIGN = Friction._fields.index("sign")
 HOLD = Friction._fields.index("hold")
@@ -66,7 +64,6 @@ class LineSines(LineInMotion):
         self._acting_off_rope = [car for car in self.off_rope.values() if car.acts_in_rows]
         self.many_steps = not self._acting_off_rope
         self._fixed_coordinates = self._coordinates_of_supports()
-        self._prescribed = lru_cache(CACHED_INSTANTS)(self._compute_prescribed)
 
     def _cars_off_rope(self) -> dict[str, CarOnShoeOffRope]:
         """Cars off the rope by name."""
@@ -80,34 +77,31 @@ class LineSines(LineInMotion):
         return cars
 
     # --- coordinates -------------------------------------------------------------------------------------------------
-    def prescribed_coordinates(self, t: float, phase: int) -> Array:
-        """All coordinates with their rates (3, layout.size), zero where unknown; a copy."""
-        return self._prescribed((t,), phase)[:, 0].copy()
-
     def _coordinates_of_supports(self) -> Array:
-        """What supports prescribe, (3, 1, layout.size)."""
+        """What supports prescribe, (3, layout.size)."""
         layout = self.layout
-        Z = np.zeros((3, 1, layout.size))
+        Z = np.zeros((3, layout.size))
         for k, contact in enumerate(self.line.contacts_and_wheels):
             if isinstance(contact, Contact):
-                Z[0, 0, layout.x[k]], Z[0, 0, layout.y[k]] = contact.point
-        Z[0, 0, layout.s[-1]] = self.line.rope.length or 0.0
+                Z[0, layout.x[k]], Z[0, layout.y[k]] = contact.point
+        Z[0, layout.s[-1]] = self.line.rope.length or 0.0
         return Z
 
-    def _compute_prescribed(self, times: tuple[float, ...], phase: int) -> Array:
-        """What is prescribed at these times, (3, n, layout.size)."""
-        line = self.line
+    def prescribed_coordinates(self, t: Array | float, phase: int) -> Array:
+        """All coordinates with their rates (3, ..., layout.size) at t (...), zero where unknown."""
         layout = self.layout
-        Z = self._fixed_coordinates.repeat(len(times), axis=1)
+        Z = np.empty((3, *np.shape(t), layout.size))
+        for of_supports, values in zip(self._fixed_coordinates, Z, strict=True):
+            values[:] = of_supports
         for k, body in self.cars.items():
             car = body.car
             front = self.travel_contact[k]
             if car.travel is not None:
                 at = layout.x if car.drive_kind == "haul_x" else layout.s
-                Z[:, :, at[front]] = np.array([line.prescribed_position_with_rates(car, t, phase) for t in times]).T
+                Z[..., at[front]] = self.line.prescribed_positions_with_rates(car, t, phase)
             else:
-                Z[0, :, layout.s[front]] = car.drive.start
-                Z[2, :, layout.F[k]] = [line.thrust(car, t, phase) for t in times]
+                Z[0, ..., layout.s[front]] = car.drive.start
+                Z[2, ..., layout.F[k]] = self.line.thrust(car, t, phase)
         return Z
 
     def all_coordinates_with_rates(self, x: State) -> Array:
@@ -116,18 +110,17 @@ class LineSines(LineInMotion):
 
     def coordinates_from_unknowns(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
         """All coordinates with their rates (3, n, layout.size)."""
-        Z = self._prescribed(tuple(np.ravel(t).tolist()), phase).copy()
+        Z = self.prescribed_coordinates(np.ravel(t), phase)
         for rates, unknowns in zip(Z, (q, v, a), strict=True):
             rates[:, self.equations.free] = unknowns
         self.layout.set_dependent_coordinates(Z)
         return Z
 
-    def frictions_at(self, times: Sequence[float]) -> Array:
-        """Frictions at all contacts, (n, contacts, 5)."""
-        frictions = self.frictions[None].repeat(len(times), axis=0)
+    def frictions_at(self, t: Array) -> Array:
+        """Frictions at all contacts at t (...), (..., contacts, 5)."""
+        frictions = np.broadcast_to(self.frictions, (*t.shape, *self.frictions.shape)).copy()
         for k, hold in self.holds.items():
-            drive = self.cars[k].car.drive
-            frictions[:, k, HOLD] = [hold * drive.remaining_hold_fraction(t) for t in times]
+            frictions[..., k, HOLD] = hold * self.cars[k].car.drive.remaining_hold_fraction(t)
         return frictions
 
     # --- the system --------------------------------------------------------------------------------------------------
@@ -135,11 +128,9 @@ class LineSines(LineInMotion):
         return self.residuals(np.array([t]), q[None], v[None], a[None], phase)[0]
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
-        times = tuple(t.tolist())
         x = np.stack([q, v, a], axis=1)
-        values = kernels.evaluate_unknowns(
-            self.equations.line, self._prescribed(times, phase), x, self.frictions_at(times)
-        )
+        prescribed = self.prescribed_coordinates(t, phase)
+        values = kernels.evaluate_unknowns(self.equations.line, prescribed, x, self.frictions_at(t))
         for car in self._acting_off_rope:
             car.complete_residuals(car.contact_state(t, values.Z, phase), values.r)
         for row in self.sticking_unknowns:
@@ -157,12 +148,11 @@ class LineSines(LineInMotion):
         return [self.equations.inverse_or_nan(c, K) for c in cs]
 
     def take_steps_with_factors(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
-        times = tuple(node_times.ravel().tolist())
-        prescribed = self._prescribed(times, phase).reshape(3, *node_times.shape, -1)
+        prescribed = self.prescribed_coordinates(node_times, phase)
         line = kernels.LineInSteps(
             line=self.equations.line,
             prescribed=np.ascontiguousarray(prescribed.swapaxes(0, 1)),
-            frictions=self.frictions_at(times).reshape(*node_times.shape, *self.frictions.shape),
+            frictions=self.frictions_at(node_times),
         )
         moving = np.ones(self.n_dof, bool)
         moving[self.sticking_unknowns] = False
@@ -171,7 +161,7 @@ class LineSines(LineInMotion):
     def _residual_and_derivatives(self, x: State) -> tuple[Array, Array]:
         """The residual, and its derivatives (3, n_dof, n_dof) by q, v, a."""
         Z = self.all_coordinates_with_rates(x)[:, None]
-        values, K = self.equations.evaluate_with_derivatives(Z, self.frictions_at([x.t]))
+        values, K = self.equations.evaluate_with_derivatives(Z, self.frictions_at(np.array([x.t])))
         for car in self._acting_off_rope:
             state = car.contact_state(np.array([x.t]), Z, x.phase)
             car.complete_residuals(state, values.r)
@@ -274,25 +264,25 @@ class LineSines(LineInMotion):
 
     def holding_force(self, i: int, x: State) -> float:
         values = self.equations.evaluate(self.all_coordinates_with_rates(x)[:, None], self.frictions[None])
-        return self._needed_friction(i, (x.t,), values).item()
+        return self._needed_friction(i, np.array([x.t]), values).item()
 
-    def _needed_friction(self, k: int, times: tuple[float, ...], values: LineValues) -> Array:
+    def _needed_friction(self, k: int, t: Array, values: LineValues) -> Array:
         """Force (n,) [N] along the rope that friction and brakes give a car which sticks, at its last wheel."""
         state = self.equations.contact_state(values.contact_values, k)
         needed = self.cars[k].tangential_force_on_last_wheel(state) / state.wheels[-1].cos_phi
-        return np.asarray(needed - self.frictions_at(times)[:, k, HOLD])
+        return np.asarray(needed - self.frictions_at(t)[:, k, HOLD])
 
-    def _friction_margin(self, k: int, times: tuple[float, ...], values: LineValues) -> Array:
+    def _friction_margin(self, k: int, t: Array, values: LineValues) -> Array:
         """What friction and brakes could give a car which sticks, less what they give (n,) [N]; inf while it slips."""
         if not self.sticks(k):
-            return np.full(len(times), np.inf)
+            return np.full(t.size, np.inf)
         state = self.equations.contact_state(values.contact_values, k)
         available = self.cars[k].max_friction_plus_brake_force(state, Friction(*self.frictions[k]))
-        return available - np.abs(self._needed_friction(k, times, values))
+        return available - np.abs(self._needed_friction(k, t, values))
 
     # --- events ------------------------------------------------------------------------------------------------------
     def contact_positions_and_forces(self, t: Any, coordinates: Array, phase: int) -> tuple[Array, list[Array]]:
-        times = tuple(np.ravel(t).tolist())
+        times = np.ravel(t)
         values = self.equations.evaluate(coordinates, self.frictions_at(times))
         forces = []
         for k, body in self.cars.items():

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -129,7 +130,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self._mean_acceleration = rolling.mean_acceleration_and_rate(past, 0, len(past) - 1, self._window)
         self._past = past[int(self._mean_acceleration.first) :]
 
-    def hold_force(self, t: float) -> float:
+    def hold_force(self, t: Any) -> Any:
         """F_hold on a free car at t; 0 on a hauled one."""
         return self.hold * self.drive.remaining_hold_fraction(t) if self.free else 0.0
 
@@ -148,9 +149,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
         powers["drag"] = car.drag_x * car.vx + car.drag_y * car.vy
         powers["friction"] = -drive.mu_r * np.abs(car.pressing) * rate
         if self.free:
-            hold = np.array([self.hold_force(t) for t in states.t.tolist()])
             powers["brake"] = -drive.brake_force(o.s_o) * rate
-            powers["hold"] = hold * ds_o
+            powers["hold"] = self.hold_force(states.t) * ds_o
         powers |= o.powers
         power = np.sum(list(powers.values()), axis=0)
         contact = -np.stack([car.Cx, car.Cy], axis=1)

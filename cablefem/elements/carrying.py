@@ -18,7 +18,7 @@ def system_after_passage(system: LineElements, passage: Passage, x: State) -> tu
     snapshot = _line_snapshot_of(system, before, off_rope)
     line, snapshot = line_and_snapshot_after_passage(system.line, passage, x.t, x.phase, snapshot)
     segments = system.segments
-    new = LineElements(line, elements=segments.elements, degree=segments.degree, compiled=system.compiled)
+    new = LineElements(line, elements=segments.elements, degree=segments.degree)
     z = Coordinates(*new.prescribed_coordinates(x.t, x.phase))
     _copy_body_coordinates(system, before, new, z)
     _set_contact_coordinates(new, snapshot, z)

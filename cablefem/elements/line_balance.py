@@ -13,8 +13,6 @@ from cablefem.elements.bodies import (
     INPUTS,
     CarLoadsAndMasses,
     car_force_jacobian,
-    counterweight_row,
-    forces_on_cars,
     masses_drag_and_friction,
 )
 from cablefem.elements.bordered import BandDerivatives, BandFactors
@@ -31,13 +29,6 @@ if TYPE_CHECKING:
 Derivatives = list[tuple[Array, Array]]  # see `Trolley.derivatives`
 
 
-class RopeAndCars(NamedTuple):
-    """What the balance depends on beside the coordinates."""
-
-    law: Array  # (3, K, G) of the rope, see `segments.Law`
-    cars: CarLoadsAndMasses
-
-
 class CoordinateSolve(NamedTuple):
     """The solution for some of the coordinates."""
 
@@ -52,17 +43,16 @@ class CoordinateSolve(NamedTuple):
 
 
 class LineBalance(LineCoordinates):
-    """The balance of a rope over contacts with cars.
+    """The balance of a rope over contacts with cars; `segment_kernels` has the rows."""
 
-    compiled : rows and tangents of segments, and many steps, by `segment_kernels` in the place of numpy; solutions are
-    compiled anyway.
-    """
-
-    def __init__(self, line: MovingLine, elements: int, degree: int, compiled: bool) -> None:
+    def __init__(self, line: MovingLine, elements: int, degree: int) -> None:
         super().__init__(line, elements, degree)
-        self.compiled = compiled
         count = len(self.nodes)
         self.law = np.array(self.segments.rope_law(count))  # (3, K, G)
+        nodes = self.xy_of_nodes[:, self.segments.dofs].reshape(count, elements, -1)
+        ends = np.stack([self.s[:-1], self.s[1:]], axis=1)
+        of_elements = np.broadcast_to(ends[:, None], (count, elements, 2))
+        self._element_slots = np.concatenate([nodes, of_elements], axis=2)  # x and y of nodes, and both s
         self.band = 2 * degree + 1
         self._set_springs_and_counterweights()
         weights = [car.mass * line.gravity for car in line.cars_on_rope]
@@ -106,80 +96,49 @@ class LineBalance(LineCoordinates):
         """Numbers among the unknowns of s of cars that stick to the rope."""
         return []
 
+    # --- coordinates ---------------------------------------------------------------------------------------------
+    def coordinates_from_unknowns(self, t: Array | float, q: Array, v: Array, a: Array, phase: int) -> Coordinates:
+        """All coordinates (..., size), from the unknowns (..., n_dof) and what is prescribed at t (...)."""
+        out = self.prescribed_coordinates(t, phase)
+        out[..., self._unknown] = q, v, a
+        return self.fill_dependent_coordinates(out)
+
+    def fill_dependent_coordinates(self, z: Array) -> Coordinates:
+        """Coordinates of z (3, ..., size), where wheels are set to follow their cars, and cars on shoes their rails."""
+        self._kernel.set_dependent_coordinates(z.reshape(3, -1, self.size))
+        return Coordinates(*z)
+
     # --- rows --------------------------------------------------------------------------------------------------
     def residual(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.coordinates_from_unknowns(t, q, v, a, phase)
-        return self._select_unknown_rows(self.balance_rows(t, x, phase))
-
-    def _select_unknown_rows(self, rows: Array) -> Array:
-        """Rows of the unknowns (..., n_dof), of rows (..., size); a car that sticks needs none, its s.. stays 0."""
-        out = rows[..., self._unknown]
-        out[..., self.sticking_unknowns] = 0.0
-        return out
+        rows = self.balance_rows(t, x, phase)[..., self._unknown]
+        rows[..., self.sticking_unknowns] = 0.0  # needs none, its s.. stays 0
+        return rows
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
-        if not self.compiled:
-            return super().residuals(t, q, v, a, phase)
         return self.residual(t, q, v, a, phase)
 
     def balance_rows(
-        self, t: Array | float, x: Coordinates, phase: int, rope_and_cars: RopeAndCars | None = None
+        self,
+        t: Array | float,
+        x: Coordinates,
+        phase: int,
+        *,
+        cars: CarLoadsAndMasses | None = None,
+        law: Array | None = None,
     ) -> Array:
         """Rows of all coordinates (..., size): what is missing from balance; of prescribed ones the force they need.
 
-        x : (..., size) at the time or times t.  rope_and_cars : other than those of t.
+        Sets `loads` (n, .) of cars on one contact, and last the smallest tension, the mean over an element.
+        x : (..., size) at the time or times t.  cars : other than those of t.  law : (3, K, G), other than the rope's.
         """
-        law, cars = rope_and_cars or RopeAndCars(self.law, self.car_loads_and_masses(t, phase))
-        rows = self._rope_rows_noting_loads(x, law, cars)
-        self._add_support_rows(rows, x)
-        for trolley in self.trolleys:
-            inputs = trolley.force_inputs(x, rows[..., trolley.points.ravel()])
-            forces = trolley.forces(cars, inputs)
-            rows[..., trolley.rows] += np.stack(forces.rows, axis=-1)
-        for slot, rail in self.rails:
-            slope = rail.depth_with_derivatives(x.q[..., slot])[1]
-            rows[..., slot] += slope * rows[..., slot + 1]
+        cars = cars or self.car_loads_and_masses(t, phase)
+        law = self.law if law is None else law
+        z = np.reshape(x, (3, -1, self.size))
+        rows, self.loads = self._kernel.rows_and_loads(z, law, cars)
         for car in self.acting_off_rope:
-            car.add_rows(rows.reshape(-1, self.size), np.ravel(t), np.reshape(x, (3, -1, self.size)), phase)
-        rows[..., self.force] = rows[..., self.force_rows]
-        return rows
-
-    def _rope_rows_noting_loads(self, x: Coordinates, law: Array, cars: CarLoadsAndMasses) -> Array:
-        """Rows (..., size) of segments and of cars on one contact; sets `loads` of these and the smallest tension."""
-        rows = np.zeros(x.q.shape)
-        each = rows.reshape(-1, self.size)
-        self.loads = np.empty((len(each), len(self.point_cars) + 1))
-        if self.compiled:
-            at = [z.reshape(each.shape) for z in x]
-            self._kernel.add_rows_and_set_loads(at, law, cars, each, self.loads)
-        else:
-            self._add_rope_rows_by_numpy(rows, x, Law(*law), cars)
-        return rows
-
-    def _add_rope_rows_by_numpy(self, rows: Array, x: Coordinates, law: Law, cars: CarLoadsAndMasses) -> None:
-        values = self.segments.motion_at_points(self.segment_motion(x))
-        fields = self.segments.fields_at_points(values, law)
-        nodes, ends = self.segments.node_and_end_rows(fields)
-        points = rows[: 2 * self.n].reshape(-1, 2)  # of all nodes, a view
-        points[:-1] += nodes[:, :-1].reshape(-1, 2)
-        points[self.node[1:]] += nodes[:, -1]
-        rows[self.s[:-1]] += ends[0]
-        rows[self.s[1:]] += ends[1]
-        if self.point_cars:
-            forces = forces_on_cars(cars, self.slopes_and_motion_at_cars(x))
-            k = np.array(self.car_contacts, int)[self.point_cars]
-            points[self.node[k]] += forces.contact[self.point_cars]
-            rows[self.s[k]] -= forces.drive[self.point_cars]
-            rows[self.swing] += forces.swing[self.of_swing]
-            self.loads[0, :-1] = forces.normal[self.point_cars]
-        shares = (fields.N * self.segments.weights).reshape(len(fields.N), self.segments.elements, -1)
-        self.loads[0, -1] = self.segments.elements * shares.sum(axis=2).min()  # means over elements
-
-    def _add_support_rows(self, rows: Array, x: Coordinates) -> None:
-        rows[..., self.springs] += self.stiffness * (x.q[..., self.springs] - self.unloaded)
-        ds = x.v[..., self.weights]
-        dds = x.a[..., self.weights]
-        rows[..., self.weights] += counterweight_row(self.weight_numbers.T, ds, dds)
+            car.add_rows(rows, np.ravel(t), z, phase)
+        return rows.reshape(x.q.shape)
 
     def slopes_and_motion_at_cars(self, x: Coordinates) -> Array:
         """Slopes beside each car, its v and a, F/M and the swing (..., cars, INPUTS), for `bodies.forces_on_cars`."""
@@ -202,15 +161,12 @@ class LineBalance(LineCoordinates):
         if not self.free_cars:
             self._steady_cars = cars
             return cars
-        times = np.ravel(t).tolist()
-        thrust = np.empty((len(times), len(self.car_contacts)))
-        remaining = np.empty(thrust.shape)
+        thrust = np.empty((*np.shape(t), len(self.car_contacts)))
+        hold = np.empty(thrust.shape)
         for i, car in enumerate(self.line.cars_on_rope):
-            thrust[:, i] = [self.line.thrust(car, at, phase) for at in times]
-            remaining[:, i] = [car.drive.remaining_hold_fraction(at) for at in times]
-        shape = (*np.shape(t), len(self.car_contacts))
-        hold = self.hold * remaining
-        return cars._replace(thrust=thrust.reshape(shape), hold=hold.reshape(shape))
+            thrust[..., i] = self.line.thrust(car, t, phase)
+            hold[..., i] = self.hold[i] * car.drive.remaining_hold_fraction(t)
+        return cars._replace(thrust=thrust, hold=hold)
 
     # --- tangent ---------------------------------------------------------------------------------------------
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, c: TangentFactors) -> tuple[Array, Solve]:
@@ -221,8 +177,8 @@ class LineBalance(LineCoordinates):
     ) -> list[Solve]:
         """The solutions for all unknowns; cars that stick have 0 in both sides."""
         x = self.coordinates_from_unknowns(t, q, v, a, phase)
-        rope_and_cars = RopeAndCars(self.law, self.car_loads_and_masses(t, phase))
-        derivatives = self._derivatives(x, rope_and_cars, self.moving_coordinates)
+        cars = self.car_loads_and_masses(t, phase)
+        derivatives = self._derivatives(x, self.law, cars, self.moving_coordinates)
         solves: list[Any] = [CoordinateSolve(derivatives.factorise(c), self.size, self._unknown) for c in cs]
         return solves
 
@@ -233,41 +189,24 @@ class LineBalance(LineCoordinates):
         moving[self._unknown[self.sticking_unknowns]] = False
         return moving
 
-    def rest_solver(self, x: Coordinates, rope_and_cars: RopeAndCars, free: Mask) -> CoordinateSolve:
+    def rest_solver(self, x: Coordinates, law: Array, cars: CarLoadsAndMasses, free: Mask) -> CoordinateSolve:
         """The solution for free coordinates at rest, and F/M."""
-        derivatives = self._derivatives(x, rope_and_cars, free)
-        forces = self.force - derivatives.n
-        for by_q, _, by_a in (derivatives.columns, derivatives.corner):
-            by_q[:, forces] = by_a[:, forces]
+        derivatives = self._derivatives(x, law, cars, free)
+        by_q, _, by_a = derivatives.values
+        by_q[:, self.force] = by_a[:, self.force]
         return CoordinateSolve(derivatives.factorise((1.0, 0.0, 0.0)), self.size, np.flatnonzero(free))
 
-    def _derivatives(self, x: Coordinates, rope_and_cars: RopeAndCars, free: Mask) -> BandDerivatives:
+    def _derivatives(self, x: Coordinates, law: Array, cars: CarLoadsAndMasses, free: Mask) -> BandDerivatives:
         """Those of all rows, from which coordinates that are not free are dropped."""
-        rope_rows = np.empty(0)
+        out = BandDerivatives(2 * self.n, self.size, self.band)
+        blocks = self.segments.element_derivatives(self.segment_motion(x), Law(*law))
+        out.add_blocks(self._element_slots, blocks)
+        wheels: Derivatives = []
         if self.trolleys:
-            rope_rows = self._rope_rows_noting_loads(x, *rope_and_cars)
-        cars = rope_and_cars.cars
-        points = self._point_car_derivatives(x, cars)
-        wheels = [trolley.derivatives(x, rope_rows[trolley.points.ravel()], cars) for trolley in self.trolleys]
-        out = self._rope_derivatives(x, rope_and_cars)
-        self._add_contact_derivatives(out, x, points, wheels)
+            rows, _ = self._kernel.rows_and_loads(np.reshape(x, (3, 1, self.size)), law, cars)
+            wheels = [trolley.derivatives(x, rows[0, trolley.points.ravel()], cars) for trolley in self.trolleys]
+        self._add_contact_derivatives(out, x, self._point_car_derivatives(x, cars), wheels)
         out.drop_unknowns(np.flatnonzero(np.logical_not(free)))
-        return out
-
-    def _rope_derivatives(self, x: Coordinates, rope_and_cars: RopeAndCars) -> BandDerivatives:
-        """Those of segments."""
-        out = BandDerivatives(2 * self.n, self.size - 2 * self.n, self.band)
-        if self.compiled:
-            self._kernel.add_rope_derivatives(x, rope_and_cars, out)
-            return out
-        of_segments = self.segments.derivatives(self.segment_motion(x), Law(*rope_and_cars.law))
-        of_nodes = self.xy_of_nodes.reshape(len(self.nodes), -1)
-        slots = np.column_stack([of_nodes, self.s[:-1], self.s[1:]])  # (K, m)
-        full = np.zeros((3, self.size, self.size))
-        for to, of in zip(full, of_segments, strict=True):
-            np.add.at(to, (slots[:, :, None], slots[:, None, :]), of)
-        for row, values in enumerate(full.swapaxes(0, 1)):
-            out.add_row(row, values)
         return out
 
     def _add_contact_derivatives(
@@ -279,27 +218,27 @@ class LineBalance(LineCoordinates):
         slots += [trolley.rows.tolist() for trolley in self.trolleys]
         for rows, (by_input, inputs) in zip(slots, [*points, *wheels], strict=True):
             for slot, values in zip(rows, (by_input @ inputs).swapaxes(0, 1), strict=False):
-                out.add_row(slot, values)
+                out.values[:, slot] += values
         for trolley, (by_input, _) in zip(self.trolleys, wheels, strict=True):
             trolley.add_rope_and_follow(out, x.q[trolley.body[2]], by_input[:, 8:12])
         for slot, rail in self.rails:
             slope = rail.depth_with_derivatives(x.q[slot])[1]
-            out.let_unknown_follow_previous(slot + 1, slope)
+            out.values[:, slot] += slope * out.values[:, slot + 1]
+            out.values[:, :, slot] += slope * out.values[:, :, slot + 1]
         for car in self.acting_off_rope:
             car.add_derivatives(out, x.q)
-        for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):
-            out.add_multiple_of_row(row, slot)
+        out.values[:, self.force] += out.values[:, self.force_rows]
 
     def _add_support_derivatives(self, out: BandDerivatives, x: Coordinates) -> None:
         for slot, stiffness in zip(self.springs.tolist(), self.stiffness.tolist(), strict=True):
-            out.add_entry(slot, slot, stiffness)
+            out.values[0, slot, slot] += stiffness
         for slot, numbers in zip(self.weights.tolist(), self.weight_numbers.tolist(), strict=True):
             force, sign, mass, _, rho, EA = numbers
             ds = x.v[slot]
             lam = 1.0 + (force + sign * mass * x.a[slot]) / EA
             by_dds = mass * (lam - rho * ds**2 * lam / EA)
             by_ds = sign * rho * ds * lam**2
-            out.add_entry(slot, slot, 0.0, -by_ds, by_dds)
+            out.values[1:, slot, slot] += -by_ds, by_dds
 
     def _row_slots_of_car(self, i: int) -> list[int]:
         """Slots of the rows of car i on one contact."""

@@ -144,27 +144,11 @@ class LineCoordinates(System):
 
     def prescribed_coordinates(self, t: Array | float, phase: int) -> Array:
         """Coordinates with rates (3, ..., size) with what is prescribed at t (...); zero elsewhere."""
-        shape = np.shape(t)
-        out = np.zeros((3, *shape, self.size))
+        out = np.zeros((3, *np.shape(t), self.size))
         out[0] = self.constant
         for car, slot in self.prescribed:
-            positions = [self.line.prescribed_position_with_rates(car, at, phase) for at in np.ravel(t).tolist()]
-            out[..., slot] = np.reshape(np.transpose(positions), (3, *shape))
+            out[..., slot] = self.line.prescribed_positions_with_rates(car, t, phase)
         return out
-
-    def coordinates_from_unknowns(self, t: Array | float, q: Array, v: Array, a: Array, phase: int) -> Coordinates:
-        """All coordinates (..., size), from the unknowns (..., n_dof) and what is prescribed at t (...)."""
-        out = self.prescribed_coordinates(t, phase)
-        out[..., self._unknown] = q, v, a
-        return self.fill_dependent_coordinates(out)
-
-    def fill_dependent_coordinates(self, z: Array) -> Coordinates:
-        """Coordinates of z (3, ..., size), where wheels are set to follow their cars, and cars on shoes their rails."""
-        for trolley in self.trolleys:
-            trolley.set_wheel_points(z)
-        for x, rail in self.rails:
-            z[..., x + 1] = rail.y_with_rates(z[..., x])
-        return Coordinates(*z)
 
     def segment_motion(self, coordinates: Coordinates) -> Motion:
         """Motion of the segments; coordinates : (..., size) each."""

@@ -121,10 +121,11 @@ def observe_line(system: LineElements, states: Sequence[State], s: Array) -> Lin
         motion, powers_off = off_rope_motion_and_powers(line, off_rope.car, states, state, contacts)
         powers |= powers_off
         cars.append(motion)
-    kinetic = x.integral_over_rope(0.5 * system.segments.rho * dot(x.points.w, x.points.w))
+    speed_squared = x.points.w_x**2 + x.points.w_y**2
+    kinetic = x.integral_over_rope(0.5 * system.segments.rho * speed_squared)
     if line.rope.damping:
         powers["damping"] = -2.0 * line.rope.damping * kinetic
-    potential = -x.integral_over_rope(system.segments.q * x.points.y)
+    potential = -x.integral_over_rope(system.segments.q * x.points.depth)
     for car, motion in zip(line.all_cars, cars, strict=True):
         kinetic = kinetic + _car_kinetic_energy(car, motion)
         potential = potential - car.mass * line.gravity * motion.point[:, 1]

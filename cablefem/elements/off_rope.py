@@ -62,20 +62,20 @@ class CarOnShoeOffRope:
         """Add those at coordinates q (size,); drag and motion of the point change little."""
         stretch = self.rail.stretch
         if self.grips:
-            out.add_entry(self.saddle, self.saddle, 0.0, 0.0, self.car.mass * stretch**2)
+            out.values[2, self.saddle, self.saddle] += self.car.mass * stretch**2
         if self.swing is None:
             return
         angle = q[self.swing]
         stiffness = self.lever * self.line.gravity * np.cos(angle)
-        out.add_entry(self.swing, self.swing, stiffness, self.resistance, self.inertia)
+        out.values[:, self.swing, self.swing] += stiffness, self.resistance, self.inertia
         if self.grips:
             middle = 0.5 * (self.rail.begin.x + self.rail.end.x)
             slope = self.rail.depth_with_derivatives(middle)[1]
             forward = np.cos(angle) - slope * np.sin(angle)
             along = forward / np.hypot(1.0, slope)  # of a turn forward
-            coupling = 0.0, 0.0, -self.lever * stretch * along
-            out.add_entry(self.swing, self.saddle, *coupling)
-            out.add_entry(self.saddle, self.swing, *coupling)
+            coupling = self.lever * stretch * along
+            out.values[2, self.swing, self.saddle] -= coupling
+            out.values[2, self.saddle, self.swing] -= coupling
 
     def swing_rate_jump(self, angle: Array, dv: Array) -> Array:
         """Jump of dphi/dt where the velocity of the point jumps by dv (2,)."""

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from cablefem.elements.bodies import CarLoadsAndMasses
-from cablefem.elements.line_balance import LineBalance, RopeAndCars
+from cablefem.elements.line_balance import LineBalance
 from cablefem.elements.line_coordinates import Coordinates, Mask
 from cablefem.elements.segments import Law
 from cablefem.newmark import Array, StepFailure
@@ -72,13 +72,13 @@ def _solve_rest_by_newton(
     points = np.array([c.point for c in system.line.supports])
     reach = float(np.ptp(points[:, 0]))
     bound = system.force_floor * np.sqrt(system.n_dof)
-    rope_and_cars = RopeAndCars(law, car_loads_at_rest(system, t, phase))
+    cars = car_loads_at_rest(system, t, phase)
     moving = free.copy()
     moving[system.force] = False
 
     def rows(q: Array) -> Array:
         x = resting_coordinates_with_forces(system, q)
-        return system.balance_rows(t, x, phase, rope_and_cars)[free]
+        return system.balance_rows(t, x, phase, cars=cars, law=law)[free]
 
     def damped_step(q: Array, step: Array, before: float) -> tuple[Array, Array, float]:
         """q and its rows after the fraction of a step that makes the rows smaller, and that fraction."""
@@ -96,7 +96,7 @@ def _solve_rest_by_newton(
     r = rows(q)
     for _ in range(60):  # of a stage
         x = resting_coordinates_with_forces(system, q)
-        solve = system.rest_solver(x, rope_and_cars, free)
+        solve = system.rest_solver(x, law, cars, free)
         step = np.zeros(system.size)
         step[free] = solve(r)
         q, r, fraction = damped_step(q, step, float(np.linalg.norm(r)))

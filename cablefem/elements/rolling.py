@@ -114,7 +114,7 @@ class RollingElements(RollingCar, FollowingElements):
         inputs = np.zeros((*t.shape, 3))
         drive = self.drive
         if t.min() < drive.release:
-            inputs[..., 0] = self.hold * np.vectorize(drive.remaining_hold_fraction)(t)
+            inputs[..., 0] = self.hold * drive.remaining_hold_fraction(t)
         if drive.thrust_table:
             inputs[..., 1] = drive.thrust(t, phase)
         return inputs
@@ -222,9 +222,8 @@ class RollingElements(RollingCar, FollowingElements):
         powers["drag"] = np.sum(drag * o.path_velocity, axis=1)
         powers["friction"] = -stretch * drive.mu_r * normal * np.abs(ds)
         if self.free:
-            remaining = np.array([drive.remaining_hold_fraction(t) for t in states.t])
             powers["brake"] = -stretch * drive.brake_force(o.s_o) * np.abs(ds)
-            powers["hold"] = self.hold * remaining * ds
+            powers["hold"] = self.hold * drive.remaining_hold_fraction(states.t) * ds
         powers |= o.powers
         driven = not self.free or bool(drive.thrust_table)
         haul = driving_force if driven else o.haul

@@ -13,7 +13,7 @@ psi and e are xi and 1 at a right end, 1 - xi and -1 at a left one.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import skfem
@@ -21,12 +21,15 @@ from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
 from cablefem.elements.bodies import STEP
-from cablefem.elements.reference import element_unknowns, lagrange_element, shape_polynomial_coefficients
+from cablefem.elements.reference import (
+    QuadraturePoints,
+    element_unknowns,
+    lagrange_element,
+    shape_polynomial_coefficients,
+    shape_table,
+)
 from cablefem.newmark import Array
 from cablefem.scene.contacts import Elastic
-
-SIGN = np.array([-1.0, 1.0])  # e of the left end and of the right one
-DOWN = np.array([0.0, 1.0])
 
 
 class Motion(NamedTuple):
@@ -39,11 +42,6 @@ class Motion(NamedTuple):
     ds: Array
     dds: Array
 
-    @property
-    def h(self) -> Array:
-        """Lengths (K, 1)."""
-        return self.s[:, 1:] - self.s[:, :1]
-
 
 class Law(NamedTuple):
     """N = N_r + EA (lam - 1), W = W_r + N_r (lam - 1) + EA (lam - 1)^2/2; arrays (K, G)."""
@@ -54,19 +52,64 @@ class Law(NamedTuple):
 
 
 class PointFields(NamedTuple):
-    """Fields at the Gauss points: (..., K, G), vectors (..., K, G, 2)."""
+    """Fields at points of the rope, numbers or arrays."""
 
-    h: Array
-    dh: Array
-    c: Array
-    y: Array
-    r_xi: Array
-    v_xi: Array
-    w: Array
-    dw: Array
-    lam: Array
-    N: Array
-    W: Array
+    h: Any
+    dh: Any
+    c: Any
+    flow: Any  # c/h
+    depth: Any  # y
+    x_xi: Any  # d/dxi of r
+    y_xi: Any
+    vx_xi: Any
+    vy_xi: Any
+    w_x: Any
+    w_y: Any
+    dw_x: Any
+    dw_y: Any
+    lam: Any
+    N: Any
+    W: Any
+
+
+# --- of arrays, and in `segment_kernels` of numbers --------------------------------------------------------------
+def fields_at_point(damping: float, law: Any, xi: Any, motion: Any) -> PointFields:
+    """Fields under a `Law`; motion : r, r_xi and s of both ends, six numbers, with two rates (3, 6, ...)."""
+    (_, y, x_xi, y_xi, begin, end), velocities, accelerations = motion
+    v_x, v_y, vx_xi, vy_xi, ds_begin, ds_end = velocities
+    a_x, a_y, _, _, dds_begin, dds_end = accelerations
+    EA, N_r, W_r = law
+    h = end - begin
+    dh = ds_end - ds_begin
+    c = ds_begin * (1.0 - xi) + ds_end * xi
+    dc = dds_begin * (1.0 - xi) + dds_end * xi  # at fixed xi
+    per_h = 1.0 / h
+    flow = c * per_h
+    slowing = (flow * dh - dc) * per_h  # -d(c/h)/dt
+    w_x = v_x - flow * x_xi
+    w_y = v_y - flow * y_xi
+    dw_x = a_x - flow * vx_xi + slowing * x_xi + damping * w_x
+    dw_y = a_y - flow * vy_xi + slowing * y_xi + damping * w_y
+    lam = np.sqrt(x_xi * x_xi + y_xi * y_xi) * per_h
+    N = N_r + EA * (lam - 1.0)
+    W = W_r + (N_r + 0.5 * EA * (lam - 1.0)) * (lam - 1.0)
+    return PointFields(h, dh, c, flow, y, x_xi, y_xi, vx_xi, vy_xi, w_x, w_y, dw_x, dw_y, lam, N, W)
+
+
+def row_densities(rho: float, q: float, xi: Any, p: PointFields) -> Any:
+    """Factors of phi (2), of phi_xi (2), and the rows of s at both ends (2)."""
+    momentum = p.dw_x * p.x_xi + p.dw_y * p.y_xi + p.w_x * p.vx_xi + p.w_y * p.vy_xi
+    kinetic = 0.5 * (p.w_x * p.w_x + p.w_y * p.w_y) + p.flow * (p.w_x * p.x_xi + p.w_y * p.y_xi)
+    material = p.W - p.N * p.lam - q * p.depth - rho * kinetic
+    per_length = p.N / (p.lam * p.h)
+    return (
+        rho * (p.h * p.dw_x + p.dh * p.w_x),
+        rho * (p.h * p.dw_y + p.dh * p.w_y) - q * p.h,
+        rho * p.c * p.w_x + per_length * p.x_xi,
+        rho * p.c * p.w_y + per_length * p.y_xi,
+        -material - (1.0 - xi) * rho * momentum,
+        material - xi * rho * momentum,
+    )
 
 
 class ElementShapes(NamedTuple):
@@ -94,29 +137,19 @@ class Segments:
         self.nn = elements * degree + 1
         self.dofs = element_unknowns(degree, elements)
         mesh = skfem.MeshLine(np.linspace(0.0, 1.0, elements + 1))
-        basis = skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree + 2)
-        self.values, self.slopes = self._shape_values_and_slopes(basis)  # of the shape functions, (G, nn)
-        self.xi = np.asarray(basis.global_coordinates())[0].ravel()  # (G,)
+        table = shape_table(skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree + 2))
+        self.xi = table[..., 0].ravel()  # (G,)
         self.psi = np.stack([1.0 - self.xi, self.xi], axis=1)  # (G, 2)
-        self.weights = basis.dx.ravel()  # (G,)
+        self.weights = table[..., 1].ravel()  # (G,)
+        # of an element's shape functions at its own points, (points, n_loc)
+        self.phi, self.phi_xi = np.split(table[0, :, 2:].copy(), 2, axis=1)
+        points = QuadraturePoints.from_table(self.dofs, table, 0, self.nn)
+        self.values = points.values.toarray()  # of the segment's shape functions, (G, nn)
+        self.slopes = points.slopes.toarray()
         both_ends = np.array([[0.0, 1.0]]), np.ones(2)
-        at_ends = skfem.Basis(mesh, lagrange_element(degree), quadrature=both_ends)
-        _, slopes = self._shape_values_and_slopes(at_ends)
+        at_ends = shape_table(skfem.Basis(mesh, lagrange_element(degree), quadrature=both_ends))
+        slopes = QuadraturePoints.from_table(self.dofs, at_ends, 0, self.nn).slopes.toarray()
         self.end_slopes = slopes[[0, -1]]  # of the shape functions, (2, nn)
-
-    def _shape_values_and_slopes(self, basis: skfem.Basis) -> tuple[Array, Array]:
-        """Values and slopes of the nodes' shape functions at the points, (G, nn) each."""
-        shape = basis.dx.shape  # (elements, points)
-        out = np.zeros((2, *shape, self.nn))
-        for k in range(basis.Nbfun):
-            field = basis.basis[k][0]
-            of_elements = np.broadcast_to(field.get(0), shape)
-            slopes_of_elements = np.broadcast_to(field.grad[0], shape)
-            for element, node in enumerate(self.dofs[:, k]):
-                out[0, element, :, node] = of_elements[element]
-                out[1, element, :, node] = slopes_of_elements[element]
-        values, slopes = out.reshape(2, -1, self.nn)
-        return values, slopes
 
     # --- fields --------------------------------------------------------------------------------------------
     def rope_law(self, count: int) -> Law:
@@ -125,73 +158,44 @@ class Segments:
         return Law(none + self.rope.EA, none, none)
 
     def motion_at_points(self, motion: Motion) -> Array:
-        """r, v, a, r_xi, v_xi, and s, ds, dds at both ends: (K, G, 16)."""
-        r, v, a, s, ds, dds = motion
-        values = self.values @ np.concatenate([r, v, a], axis=2)
-        slopes = self.slopes @ np.concatenate([r, v], axis=2)
-        ends = np.concatenate([s, ds, dds], axis=1)
-        at_all_points = np.broadcast_to(ends[:, None], (*values.shape[:2], 6))
-        return np.concatenate([values, slopes, at_all_points], axis=2)
-
-    def fields_at_points(self, motion: Array, law: Law) -> PointFields:
-        """Fields from `motion_at_points` (..., K, G, 16), which may be complex."""
-        r, v, a, r_xi, v_xi, s, ds, dds = (motion[..., i : i + 2] for i in range(0, 16, 2))
-        h = s[..., 1] - s[..., 0]
-        dh = ds[..., 1] - ds[..., 0]
-        c = dot(ds, self.psi)
-        dc = dot(dds, self.psi)  # rate of c at fixed xi
-        flow = (c / h)[..., None]
-        slowing = (c * dh / h - dc) / h  # -d(c/h)/dt
-        w = v - flow * r_xi
-        dw = a - flow * v_xi + slowing[..., None] * r_xi + self.damping * w
-        lam = np.sqrt(dot(r_xi, r_xi)) / h
-        strain = lam - 1.0
-        N = law.N_r + law.EA * strain
-        W = law.W_r + (law.N_r + 0.5 * law.EA * strain) * strain
-        return PointFields(h=h, dh=dh, c=c, y=r[..., 1], r_xi=r_xi, v_xi=v_xi, w=w, dw=dw, lam=lam, N=N, W=W)
+        """What `fields_at_point` takes (3, 6, K, G)."""
+        nodes = np.array(motion[:3])
+        ends = np.array(motion[3:])
+        values = np.moveaxis(self.values @ nodes, -1, 1)
+        slopes = np.moveaxis(self.slopes @ nodes, -1, 1)
+        at_all_points = np.broadcast_to(np.moveaxis(ends, -1, 1)[..., None], values.shape)
+        return np.concatenate([values, slopes, at_all_points], axis=1)
 
     def fields_of_motion(self, motion: Motion) -> PointFields:
-        """Fields at the Gauss points under the rope's own law."""
-        return self.fields_at_points(self.motion_at_points(motion), self.rope_law(1))
+        """Fields (K, G) at the Gauss points under the rope's own law."""
+        return fields_at_point(self.damping, self.rope_law(1), self.xi, self.motion_at_points(motion))
 
     # --- rows ------------------------------------------------------------------------------------------------
-    def row_densities(self, p: PointFields) -> Array:
-        """At Gauss points: factors of phi (2), of phi_xi (2), and the rows of s at both ends (2); (..., K, G, 6)."""
-        rho = self.rho
-        rate = p.h[..., None] * p.dw + p.dh[..., None] * p.w  # of h w
-        by_value = rho * rate - (self.q * p.h)[..., None] * DOWN
-        momentum_flux = (rho * p.c)[..., None] * p.w
-        per_length = p.N / (p.lam * p.h)
-        by_slope = momentum_flux + per_length[..., None] * p.r_xi
-        momentum = dot(p.dw, p.r_xi) + dot(p.w, p.v_xi)
-        kinetic = 0.5 * dot(p.w, p.w) + p.c / p.h * dot(p.w, p.r_xi)
-        material = p.W - p.N * p.lam - self.q * p.y - rho * kinetic
-        of_s = SIGN * material[..., None] - rho * self.psi * momentum[..., None]
-        return np.concatenate([by_value, by_slope, of_s], axis=-1)
-
     def node_and_end_rows(self, p: PointFields) -> tuple[Array, Array]:
         """Rows of the nodes (K, nn, 2) and of s at both ends (2, K)."""
-        density = self.row_densities(p) * self.weights[:, None]
-        by_value, by_slope, of_s = np.split(density, 3, axis=-1)
-        of_nodes = self.values.T @ by_value + self.slopes.T @ by_slope
-        return of_nodes, of_s.sum(axis=1).T
+        density = np.stack(row_densities(self.rho, self.q, self.xi, p)) * self.weights  # (6, K, G)
+        of_nodes = density[0:2] @ self.values + density[2:4] @ self.slopes
+        return np.moveaxis(of_nodes, 0, -1), density[4:].sum(axis=-1)
 
-    def derivatives(self, motion: Motion, law: Law) -> Array:
-        """D^T W J D: those of the rows by r, v and a, (3, K, m, m) for m = 2 nn + 2 nodes' x, y and s."""
+    def element_derivatives(self, motion: Motion, law: Law) -> Array:
+        """D^T W J D: those of the rows by r, v and a, (3, K, elements, m, m), m : x and y of the nodes and both s."""
         y = self.motion_at_points(motion)
-        shifted = y + 1j * STEP * np.eye(16)[:, None, None, :]  # (16, K, G, 16)
-        density = self.row_densities(self.fields_at_points(shifted, law))
-        J = density.imag / STEP * self.weights[:, None]
-        by_value, by_slope, by_ends = np.split(J.reshape(8, 2, *y.shape[:2], 6), [3, 5])  # slopes have no part in a
-        by_nodes = np.einsum("dbkgo,gj->dkgojb", by_value, self.values)
-        by_nodes[:2] += np.einsum("dbkgo,gj->dkgojb", by_slope, self.slopes)
-        by_all_nodes = by_nodes.reshape(*by_nodes.shape[:4], -1)
-        columns = np.concatenate([by_all_nodes, np.moveaxis(by_ends, 1, -1)], axis=4)  # (3, K, G, 6, m)
-        of_value, of_slope, of_s = np.split(columns, 3, axis=3)
-        of_nodes = np.einsum("gi,dkgam->dkiam", self.values, of_value)
-        of_nodes = of_nodes + np.einsum("gi,dkgam->dkiam", self.slopes, of_slope)
-        of_all_nodes = of_nodes.reshape(*of_nodes.shape[:2], 2 * self.nn, -1)
-        return np.concatenate([of_all_nodes, of_s.sum(axis=2)], axis=2)
+        count, points = y.shape[2], len(self.phi)
+        shifts = np.eye(18).reshape(3, 6, 18, 1, 1)
+        shifted = y[:, :, None] + 1j * STEP * shifts
+        fields = fields_at_point(self.damping, law, self.xi, shifted)
+        densities = row_densities(self.rho, self.q, self.xi, fields)
+        J = np.stack([x.imag for x in densities]) * (self.weights / STEP)  # (6, 18, K, G)
+        by_order = J.reshape(6, 3, 6, count, self.elements, points)
+        D = np.zeros((points, 6, 2 * self.degree + 4))
+        for axis in range(2):
+            D[:, axis, axis:-2:2] = self.phi
+            D[:, 2 + axis, axis:-2:2] = self.phi_xi
+        D[:, 4:, -2:] = np.eye(2)
+        m = D.shape[2]
+        by_coordinates = by_order.transpose(5, 0, 1, 3, 4, 2).reshape(points, -1, 6) @ D
+        rows = D.reshape(-1, m).T @ by_coordinates.reshape(6 * points, -1)
+        return np.moveaxis(rows.reshape(m, 3, count, self.elements, m), 0, 3)
 
     def element_shapes(self, xi: Array) -> ElementShapes:
         """The shape functions at positions xi (...) in a segment; beyond it those of its first or last element."""

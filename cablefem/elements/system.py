@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.elements.bodies import CarLoadsAndMasses, forces_on_cars, vector_length
-from cablefem.elements.line_balance import LineBalance, RopeAndCars
+from cablefem.elements.line_balance import LineBalance
 from cablefem.elements.line_coordinates import Coordinates
 from cablefem.elements.line_observe import observe_line
 from cablefem.line_in_motion import LineInMotion
@@ -29,17 +29,15 @@ SHIFT = 1e-4  # [s] for velocities through states of rest
 class LineElements(LineInMotion, LineBalance):
     """A rope over contacts with cars; `elements` of `degree` on each segment.
 
-    compiled : rows and tangents of segments, and many steps, by `segment_kernels` in the place of numpy; solutions are
-    compiled anyway.
     Events end the run: "A meets B" and "CAR reaches SUPPORT" at NEAREST; "CAR lifts off" where the rope would have to
     hold it down; "rope falls slack" and "rope lifts off SADDLE"; AT_REST.
     The run goes on after "CAR brakes", "CAR leaves a brake" where it rolls back, and "CAR stops", where friction may
     hold it until "CAR breaks loose".
     """
 
-    def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
-        super().__init__(line, elements, degree, compiled)
-        self.many_steps = compiled and not self.acting_off_rope
+    def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4) -> None:
+        super().__init__(line, elements, degree)
+        self.many_steps = not self.acting_off_rope
         cars = line.cars_on_rope
         self.watch(dict(enumerate(cars)))
         # the car of each wheel or point that may lift off
@@ -90,17 +88,17 @@ class LineElements(LineInMotion, LineBalance):
         y = self.slopes_and_motion_at_cars(x)
         forces = forces_on_cars(held, y)
         stretch = forces.stretch
-        rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, held))
+        rows = self.balance_rows(t, x, phase, cars=held)
         self.hold = rows[slots] / stretch
         for i in self.free_cars:
             self.set_friction(i, x.q[slots[i]], self.slip_sign(i))
         now = self.car_loads_and_masses(t, phase)
-        rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, now))
+        rows = self.balance_rows(t, x, phase, cars=now)
         pressing = np.abs(self._pressing_forces(x, rows, self.loads[0], now))
         loads = np.bincount(self._pressing, pressing)
         none = np.zeros_like(now.hold)
         frictionless = now._replace(hold=none, sign=none)
-        rows = self.balance_rows(t, x, phase, RopeAndCars(self.law, frictionless))
+        rows = self.balance_rows(t, x, phase, cars=frictionless)
         needed = rows[slots] / stretch
         behind = y[:, 0:2]
         cos_phi = np.sum(behind * forces.tau, axis=1) / vector_length(behind)

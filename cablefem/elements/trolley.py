@@ -83,15 +83,6 @@ def wheel_forces(slopes: Any, rope_row: Any, mu_r: float, brake: Any, sign: Any)
     return WheelForces(load, friction, stretch)
 
 
-def base_with_rates(base: float, th: Any, rate: Any, turning: Any) -> Any:
-    """From the rear wheel to the front one, with both rates: (3, 2) of (...)."""
-    cos = base * np.cos(th)
-    sin = base * np.sin(th)
-    ddx = -turning * sin - rate * rate * cos
-    ddy = turning * cos - rate * rate * sin
-    return (cos, sin), (-rate * sin, rate * cos), (ddx, ddy)
-
-
 def body_forces(numbers: Any, thrust: Any, y: Any) -> BodyForces:
     """Forces on the body; numbers : `Trolley.numbers`;  y : inputs (INPUTS, ...), which may be complex."""
     mass, k, wind, base, ahead, below, inertia, hitch, along, down, level, up, gravity, _ = numbers
@@ -148,13 +139,6 @@ class Trolley:
         self.points = system.xy[self.contacts]  # (wheel, 2)
         self.rows = np.array([*body, *system.s[self.contacts]])
 
-    def set_wheel_points(self, z: Array) -> None:
-        """Set the points of the wheels in q, v, a of all coordinates (3, ..., size)."""
-        base = np.array(base_with_rates(self.wheels.base, *z[..., self.body[2]]))
-        rear, front = self.points
-        z[..., front] = z[..., self.body[:2]]
-        z[..., rear] = z[..., front] - np.moveaxis(base, 1, -1)
-
     def rope_slopes_at_wheels(self, q: Array) -> Array:
         """r' at the sides of both wheels (..., 4, 2), from all coordinates (..., size)."""
         return self.system.slopes_beside(self.contacts, q).reshape(*q.shape[:-1], 4, 2)
@@ -207,17 +191,10 @@ class Trolley:
 
         What the pitch rate adds by v and a is left out: it is of the order of the rate times the step.
         """
-        self._let_wheels_follow(out, pitch)
-        for row, column in np.argwhere(by_rope_rows).tolist():
-            rope_row = int(self.points.flat[column])
-            out.add_multiple_of_row(rope_row, int(self.rows[row]), by_rope_rows[row, column])
-
-    def _let_wheels_follow(self, out: BandDerivatives, pitch: float) -> None:
-        """Add the columns of the nodes at both wheels to those of X and th."""
-        *axes, th = self.body
-        for wheel in self.points:
-            for slot, axis in zip(wheel, axes, strict=True):
-                out.add_multiple_of_column(slot, axis, 1.0)
-        rear_x, rear_y = self.points[0]
-        out.add_multiple_of_column(rear_x, th, self.wheels.base * math.sin(pitch))
-        out.add_multiple_of_column(rear_y, th, -self.wheels.base * math.cos(pitch))
+        x, y, th = self.body
+        rear, front = self.points
+        values = out.values
+        values[:, :, [x, y]] += values[:, :, rear] + values[:, :, front]
+        by_pitch = self.wheels.base * np.array([math.sin(pitch), -math.cos(pitch)])
+        values[:, :, th] += values[:, :, rear] @ by_pitch
+        values[:, self.rows] += by_rope_rows @ values[:, self.points.ravel()]

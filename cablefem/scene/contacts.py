@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,9 @@ class Travel(Protocol):
 
     def position_with_rates(self, t: float, phase: int) -> tuple[float, float, float]:
         """Position, velocity and acceleration, smooth beyond the ends of the phase."""
+
+    def positions_with_rates(self, t: Array, phase: int) -> Array:
+        """The same (3, ...) at times t (...)."""
 
 
 class TravelEnd(NamedTuple):
@@ -209,9 +212,18 @@ class MovingLine:
             return car.travel.position_with_rates(t, i)
         return car.travel_end.position, 0.0, 0.0
 
+    def prescribed_positions_with_rates(self, car: Car, t: Any, phase: int) -> Array:
+        """The same (3, ...) at times t (...)."""
+        assert car.travel is not None
+        i = self._car_phase_numbers[car.name][phase]
+        if i < len(car.travel.phases):
+            return car.travel.positions_with_rates(np.asarray(t), i)
+        at_rest = self.prescribed_position_with_rates(car, 0.0, phase)
+        return np.array([np.full(np.shape(t), x) for x in at_rest])
+
     def points_with_rates_off_rope(self, car: Car, t: Array, phase: int, saddle_s_with_rates: Array) -> Array:
         """x and y with their rates (3, n, 2) of a car in `cars_off_rope` at t (n,); saddle_s_with_rates : (3, n)."""
-        position = np.array([self.prescribed_position_with_rates(car, at, phase) for at in t.tolist()]).T
+        position = self.prescribed_positions_with_rates(car, t, phase)
         assert car.rail is not None
         x = position if car.along == "x" else car.rail.x_with_rates(position - saddle_s_with_rates)
         return np.stack([x, car.rail.y_with_rates(x)], axis=-1)
@@ -252,11 +264,11 @@ class MovingLine:
                 return math.copysign(1.0, end - begin)
         return 1.0
 
-    def thrust(self, car: Car, t: float, phase: int) -> float:
-        """Thrust [N] of a free car along the mean tangent."""
+    def thrust(self, car: Car, t: Any, phase: int) -> Any:
+        """Thrust [N] of a free car along the mean tangent at t, of any shape."""
         last = len(car.drive.phases) - 1  # another car may move for longer
         own = min(self._car_phase_numbers[car.name][phase], last)
-        return float(car.drive.thrust(t, own)) if car.drive.thrust_table else 0.0
+        return car.drive.thrust(t, own) if car.drive.thrust_table else 0.0 * t
 
     @cached_property
     def _car_phase_numbers(self) -> dict[str, list[int]]:

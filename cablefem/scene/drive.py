@@ -265,10 +265,12 @@ class Drive:
         value, slope, t0 = self._thrust_by_phase[:, phase]
         return value + slope * (t - t0)
 
-    def remaining_hold_fraction(self, t: float) -> float:
-        """Share of the force that still holds the car: (1 - x)^2 (1 + 2 x), x = t/release."""
-        x = t / self.release if self.release > 0.0 else 1.0
-        return (1.0 - x) ** 2 * (1.0 + 2.0 * x) if x < 1.0 else 0.0
+    def remaining_hold_fraction(self, t: Any) -> Any:
+        """Share of the force that still holds the car at t, of any shape: (1 - x)^2 (1 + 2 x), x = t/release."""
+        if self.release == 0.0:
+            return 0.0 * t
+        x = np.minimum(t / self.release, 1.0)
+        return (1.0 - x) ** 2 * (1.0 + 2.0 * x)
 
     def brake_force(self, s_o: Any) -> Any:
         """Force of all brakes that reach s_o; any shape."""

@@ -33,6 +33,9 @@ class Smooth:
         share = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
         return self.begin + self.speed * way, self.speed * share, self.speed * 30.0 * (x * (1.0 - x)) ** 2 / self.ramp
 
+    def positions_with_rates(self, t: np.ndarray, phase: int) -> np.ndarray:
+        return np.array(np.broadcast_arrays(*self.position_with_rates(t, phase)))
+
 
 def anchor(name: str, x: float, y: float) -> Contact:
     return Contact(name=name, kind="anchor", point=(x, y))

@@ -223,16 +223,15 @@ MIXED = MovingLine(
 )  # fmt: skip
 
 
-def system_and_random_state(compiled: bool) -> tuple[LineElements, list[np.ndarray]]:
-    system, rng = LineElements(MIXED, elements=2, compiled=compiled), np.random.default_rng(23)
+def system_and_random_state() -> tuple[LineElements, list[np.ndarray]]:
+    system, rng = LineElements(MIXED, elements=2), np.random.default_rng(23)
     x = system.start(0, None)
     return system, [z + size * rng.standard_normal(z.size) for z, size in zip(x[1:4], (3e-3, 0.5, 0.5), strict=True)]
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-def test_tangent_is_the_derivative_of_the_balance_at_a_standstill(compiled):
+def test_tangent_is_the_derivative_of_the_balance_at_a_standstill():
     """In motion the tangent leaves out what the pitch rate adds to mass."""
-    system, (q, _, _) = system_and_random_state(compiled)
+    system, (q, _, _) = system_and_random_state()
     zero, rng = np.zeros(q.size), np.random.default_rng(5)
     for c in ((0.3, 0.5, 1.0), (1.0, 0.1, 1e-2), (1e-3, 0.02, 1.0)):
         y, step = rng.standard_normal(q.size), 1e-6
@@ -243,19 +242,11 @@ def test_tangent_is_the_derivative_of_the_balance_at_a_standstill(compiled):
         assert np.abs(solve(1.01 * want) - y).max() > 1e-3
 
 
-def test_compiled_loops_are_the_forms():
-    (fast, at), (slow, _) = system_and_random_state(True), system_and_random_state(False)
-    for c in ((0.3, 0.5, 1.0), (0.1j, 0.2 + 0.4j, 1.0)):
-        (r, solve), (want, same) = (system.linearise(1.0, *at, 0, c) for system in (fast, slow))
-        np.testing.assert_allclose(r, want, rtol=0.0, atol=1e-11 * np.abs(want).max())
-        b = np.random.default_rng(7).standard_normal(r.size) * c[0]
-        np.testing.assert_allclose(solve(b.copy()), same(b), rtol=0.0, atol=1e-7 * np.abs(same(b)).max())
-
-
-def test_compiled_steps_are_those_of_the_forms():
+def test_many_steps_at_once_are_the_single_ones():
     last = []
-    for compiled in (True, False):
-        system, _ = system_and_random_state(compiled)
+    for many_steps in (True, False):
+        system, _ = system_and_random_state()
+        system.many_steps = many_steps
         last.append(last_of_equal_steps(system, system.start(0, None), 0.02, 8))
     for x, want in zip(last[0][1:4], last[1][1:4], strict=True):
         np.testing.assert_allclose(x, want, rtol=0.0, atol=1e-8 * np.abs(want).max())

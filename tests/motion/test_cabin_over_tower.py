@@ -99,11 +99,12 @@ def test_a_cabin_that_does_not_swing_over_the_tower_is_seen():
     assert "moment of momentum of bodies" in broken_laws(HAULED.to_toml(), wrong)
 
 
-def test_compiled_steps_on_a_shoe_are_those_of_the_forms():
+def test_many_steps_at_once_on_a_shoe_are_the_single_ones():
     runs = line_runs(ELEMENTS, "hauled")
     march = runs._march_one_system(ELEMENTS.system(runs.line, 2), None, runs.grid, Work())
     fast, start = march.following
-    slow = LineElements(fast.line, elements=2, compiled=False)
+    slow = LineElements(fast.line, elements=2)
+    slow.many_steps = False
     slow.set_travel_directions(start.phase)
     x, want = (last_of_equal_steps(system, start, 0.02, 8) for system in (fast, slow))
     for of_x, of_want in zip(x[1:4], want[1:4], strict=True):

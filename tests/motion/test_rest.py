@@ -59,7 +59,6 @@ def test_tensions_at_rest():
     [
         lambda deep: LineElements(deep, elements=1, degree=4),
         lambda deep: LineSines(deep, 3),
-        lambda deep: LineElements(deep, elements=1, degree=4, compiled=False),
     ],
 )
 def test_a_rope_that_sags_by_a_quarter_of_its_span_is_not_slack_on_the_coarsest_grid(build):

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from cablefem.elements import bodies, trolley
 from cablefem.elements.segment_kernels.balance import (
+    Cars,
     Coordinates,
-    Line,
+    Rope,
     add_car_rows_and_set_loads,
     add_rope_rows_return_min_tension,
+    compiled,
     first_slot_of_s,
     inner,
     set_slope_at_end,
@@ -24,7 +26,6 @@ Slots = NDArray[np.int64]
 counterweight_row = inner(bodies.counterweight_row)
 wheel_forces = inner(trolley.wheel_forces)
 body_forces = inner(trolley.body_forces)
-base_with_rates = inner(trolley.base_with_rates)
 
 
 class Supports(NamedTuple):
@@ -41,10 +42,10 @@ class Trolleys(NamedTuple):
     """Cars on two wheels (m,)."""
 
     contacts: Slots  # of the front wheel
+    points: Slots  # (m, 2, 2) of x and y of the rear and the front wheel
     bodies: Slots  # (m, 3) of X and th
     forces: Slots  # of F/M, or -1
     numbers: Array  # (m, 14) see `trolley.body_forces`
-    data: Array  # (1 or instants, m, 5) thrust, brake, hold, sign, rear brake
 
 
 class Rails(NamedTuple):
@@ -56,37 +57,46 @@ class Rails(NamedTuple):
     coefficients: Array  # (m, 6) see `Rail.coefficients`
 
 
-class Contacts(NamedTuple):
-    """A rope and all that touches it."""
+class Line(NamedTuple):
+    """A rope in K segments, and all that touches it."""
 
-    line: Line
+    rope: Rope
+    law: Array  # (3, K, G) see `segments.Law`
+    cars: Cars
     supports: Supports
     trolleys: Trolleys
     rails: Rails
     forces: Slots  # (f, 2) of F/M and of the row that determines it
+    car_data: Array  # (1 or instants, m, 13) the first of `bodies.CarLoadsAndMasses`
+    trolley_data: Array  # (1 or instants, m, 5) thrust, brake, hold, sign, rear brake
 
 
-@inner
-def set_dependent_coordinates(line: Contacts, z: Array) -> None:
-    """Let wheels follow their cars, and cars on shoes their rails, in coordinates with rates z (3, size)."""
-    trolleys = line.trolleys
-    rails = line.rails
-    per_contact = 2 * (line.line.mesh.ends.shape[1] - 1)
-    for j in range(trolleys.contacts.size):
-        front = per_contact * trolleys.contacts[j]
-        x = trolleys.bodies[j, 0]
-        th = trolleys.bodies[j, 2]
-        base = base_with_rates(trolleys.numbers[j, 3], z[0, th], z[1, th], z[2, th])
-        for k in range(3):
-            for axis in range(2):
-                z[k, front + axis] = z[k, x + axis]
-                z[k, front - per_contact + axis] = z[k, x + axis] - base[k][axis]
-    for j in range(rails.points.size):
-        x = rails.points[j]
-        Y, slope, bend = depth_with_derivatives(rails, j, z[0, x])
-        z[0, x + 1] = Y
-        z[1, x + 1] = slope * z[1, x]
-        z[2, x + 1] = slope * z[2, x] + bend * z[1, x] ** 2
+@compiled
+def set_dependent_coordinates(trolleys: Trolleys, rails: Rails, z: Array) -> None:
+    """Let wheels follow their cars, and cars on shoes their rails, in coordinates with rates z (3, n, size)."""
+    for i in range(z.shape[1]):
+        for j in range(trolleys.contacts.size):
+            x, _, th = trolleys.bodies[j]
+            rear = trolleys.points[j, 0]
+            front = trolleys.points[j, 1]
+            base = trolleys.numbers[j, 3]
+            cos = base * np.cos(z[0, i, th])
+            sin = base * np.sin(z[0, i, th])
+            rate = z[1, i, th]
+            turning = z[2, i, th]
+            ahead = (cos, sin), (-rate * sin, rate * cos), (
+                -turning * sin - rate * rate * cos, turning * cos - rate * rate * sin,
+            )  # fmt: skip
+            for k in range(3):
+                for axis in range(2):
+                    z[k, i, front[axis]] = z[k, i, x + axis]
+                    z[k, i, rear[axis]] = z[k, i, x + axis] - ahead[k][axis]
+        for j in range(rails.points.size):
+            x = rails.points[j]
+            Y, slope, bend = depth_with_derivatives(rails, j, z[0, i, x])
+            z[0, i, x + 1] = Y
+            z[1, i, x + 1] = slope * z[1, i, x]
+            z[2, i, x + 1] = slope * z[2, i, x] + bend * z[1, i, x] ** 2
 
 
 @inner
@@ -104,16 +114,22 @@ def depth_with_derivatives(rails: Rails, j: int, x: float) -> tuple[float, float
     return Y, first / L, 2.0 * half_second / L**2
 
 
-@inner
-def set_rows_and_loads(line: Contacts, i: int, z: Array, rows: Array, loads: Array) -> None:
-    """Set the rows (size,) at instant i, and `loads_and_min_tension` of `balance.add_rows_and_set_loads`.
+@compiled
+def set_rows_and_loads(line: Line, first: int, z: Array, rows: Array, loads: Array) -> None:
+    """Set the rows (n, size) and loads (n, m + 1) of instants from number `first` on.
 
-    z : all coordinates with rates (3, size).
+    z : coordinates with rates (3, n, size).  loads : of the m cars on one contact, and last the smallest mean tension
+    of an element.
     """
-    at = Coordinates(z[0], z[1], z[2])
+    for i in range(rows.shape[0]):
+        set_rows_and_loads_of_instant(line, first + i, Coordinates(z[0, i], z[1, i], z[2, i]), rows[i], loads[i])
+
+
+@inner
+def set_rows_and_loads_of_instant(line: Line, i: int, at: Coordinates, rows: Array, loads: Array) -> None:
     rows[:] = 0.0
-    loads[-1] = add_rope_rows_return_min_tension(line.line, at, rows)
-    add_car_rows_and_set_loads(line.line, i, at, rows, loads)
+    loads[-1] = add_rope_rows_return_min_tension(line, at, rows)
+    add_car_rows_and_set_loads(line, i, at, rows, loads)
     add_support_rows(line, at, rows)
     for j in range(line.trolleys.contacts.size):
         add_trolley_rows(line, i, j, at, rows)
@@ -125,7 +141,7 @@ def set_rows_and_loads(line: Contacts, i: int, z: Array, rows: Array, loads: Arr
 
 
 @inner
-def add_support_rows(line: Contacts, at: Coordinates, rows: Array) -> None:
+def add_support_rows(line: Line, at: Coordinates, rows: Array) -> None:
     """Add springs and counterweights."""
     supports = line.supports
     for i in range(supports.springs.size):
@@ -137,19 +153,18 @@ def add_support_rows(line: Contacts, at: Coordinates, rows: Array) -> None:
 
 
 @inner
-def add_trolley_rows(line: Contacts, i: int, j: int, at: Coordinates, rows: Array) -> None:
+def add_trolley_rows(line: Line, i: int, j: int, at: Coordinates, rows: Array) -> None:
     """Add the rows of the car j on two wheels at instant i, see `trolley`."""
     trolleys = line.trolleys
     front = trolleys.contacts[j]
-    per_contact = 2 * (line.line.mesh.ends.shape[1] - 1)
-    thrust, brake, hold, sign, rear_brake = trolleys.data[min(i, trolleys.data.shape[0] - 1), j]
+    thrust, brake, hold, sign, rear_brake = line.trolley_data[min(i, line.trolley_data.shape[0] - 1), j]
     y = np.zeros(trolley.INPUTS)
     for wheel in range(2):
         contact = front - 1 + wheel
         for side in range(2):
-            set_slope_at_end(line.line, at.q, contact - 1 + side, 1 - side, y[4 * wheel + 2 * side :])
+            set_slope_at_end(line, at.q, contact - 1 + side, 1 - side, y[4 * wheel + 2 * side :])
         for axis in range(2):
-            y[8 + 2 * wheel + axis] = rows[per_contact * contact + axis]
+            y[8 + 2 * wheel + axis] = rows[trolleys.points[j, wheel, axis]]
     body = trolleys.bodies[j]
     y[12] = at.q[body[2]]
     for axis in range(3):
@@ -164,6 +179,6 @@ def add_trolley_rows(line: Contacts, i: int, j: int, at: Coordinates, rows: Arra
     rows[body[2]] += forces.of_th
     rear = wheel_forces(y[0:4], y[8:10], numbers[13], rear_brake, sign)
     ahead = wheel_forces(y[4:8], y[10:12], numbers[13], brake - rear_brake, sign)
-    S = first_slot_of_s(line.line)
+    S = first_slot_of_s(line)
     rows[S + front - 1] -= rear.friction
     rows[S + front] -= ahead.friction + ahead.stretch * hold

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cablefem.elements.bordered import BandFactors
 from cablefem.elements.kernels.banded import solve_factored_band_in_place
 from cablefem.elements.segment_kernels.balance import compiled, inner
-from cablefem.elements.segment_kernels.contacts import Contacts, Slots, set_dependent_coordinates, set_rows_and_loads
+from cablefem.elements.segment_kernels.contacts import Line, Slots, set_dependent_coordinates, set_rows_and_loads
 from cablefem.newmark import Array
 from cablefem.newmark.compiled_collocation import take_steps
 from cablefem.newmark.marching import StepsWithFactors
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 
 class System(NamedTuple):
-    line: Contacts
+    line: Line
     slots: Slots  # of unknowns (n_dof,)
-    prescribed: Array  # (m, s, 3, size) coordinates with rates at the nodes of steps
+    prescribed: Array  # (m, 3, s, size) coordinates with rates at the nodes of steps
 
 
 @compiled
@@ -34,15 +34,16 @@ def take_steps_with_factors(system: System, moving: NDArray[np.bool_], steps: St
 @inner
 def set_residuals(system: System, k: int, x: Array, r: Array) -> None:
     """Set the residuals r (s, size) of the nodes of step k from unknowns with their rates x (s, 3, n_dof)."""
+    line = system.line
     nodes = r.shape[0]
-    loads = np.empty(system.line.line.cars.contacts.size + 1)
+    z = system.prescribed[k].copy()
     for i in range(nodes):
-        z = system.prescribed[k, i].copy()
-        for row in range(3):
+        for order in range(3):
             for j in range(x.shape[2]):
-                z[row, system.slots[j]] = x[i, row, j]
-        set_dependent_coordinates(system.line, z)
-        set_rows_and_loads(system.line, k * nodes + i, z, r[i], loads)
+                z[order, i, system.slots[j]] = x[i, order, j]
+    set_dependent_coordinates(line.trolleys, line.rails, z)
+    loads = np.empty((nodes, line.cars.contacts.size + 1))
+    set_rows_and_loads(line, k * nodes, z, r, loads)
 
 
 @inner
