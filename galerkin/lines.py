@@ -116,8 +116,9 @@ class LineSines(LineInMotion):
         self.layout.set_dependent_coordinates(Z)
         return Z
 
-    def frictions_at(self, t: Array) -> Array:
-        """Frictions at all contacts at t (...), (..., contacts, 5)."""
+    def frictions_at(self, times: Any) -> Array:
+        """Frictions at all contacts at times (...), (..., contacts, 5)."""
+        t = np.asarray(times)
         frictions = np.broadcast_to(self.frictions, (*t.shape, *self.frictions.shape)).copy()
         for k, hold in self.holds.items():
             frictions[..., k, HOLD] = hold * self.cars[k].car.drive.remaining_hold_fraction(t)
@@ -161,7 +162,7 @@ class LineSines(LineInMotion):
     def _residual_and_derivatives(self, x: State) -> tuple[Array, Array]:
         """The residual, and its derivatives (3, n_dof, n_dof) by q, v, a."""
         Z = self.all_coordinates_with_rates(x)[:, None]
-        values, K = self.equations.evaluate_with_derivatives(Z, self.frictions_at(np.array([x.t])))
+        values, K = self.equations.evaluate_with_derivatives(Z, self.frictions_at([x.t]))
         for car in self._acting_off_rope:
             state = car.contact_state(np.array([x.t]), Z, x.phase)
             car.complete_residuals(state, values.r)
