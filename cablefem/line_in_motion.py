@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.newmark import MarchingSystem, State, consistent_acceleration
+from cablefem.newmark import MarchingSystem, State, StepFailure, consistent_acceleration
 from cablefem.newmark.states import Array
 from cablefem.scene.contacts import (
     AT_REST,
@@ -46,6 +46,7 @@ class LineInMotion(MarchingSystem):
     coordinates_from_unknowns: Callable[..., Any]  # all coordinates with their rates in states t, q, v, a, phase
     reached: Any  # s up to which the brakes of free cars act, by number
     held_since: Any  # [s] when friction last stopped free cars
+    of_cars: tuple[str, ...]  # names of the arrays, by number, in which friction is kept
     free_cars: Any  # their numbers
 
     def watch(self, cars: Mapping[int, Car]) -> None:
@@ -72,6 +73,26 @@ class LineInMotion(MarchingSystem):
             return False
         one, other = (c.car.name if isinstance(c, Wheel) else c.name for c in (first, second))
         return one != other and not car_may_pass_saddle(self.passages, one, other)
+
+    def take_friction_from(self, before: LineInMotion) -> None:
+        """Let free cars have the friction that they had in a line before."""
+        numbers = {car.name: i for i, car in before.car_by_number.items()}
+        for i in self.free_cars:
+            j = numbers[self.car_by_number[i].name]
+            for name in self.of_cars:
+                getattr(self, name)[i] = getattr(before, name)[j]
+
+    def refuse_slack_rope(self, t: float, tension_and_pressures: Array) -> None:
+        """Raise StepFailure where the rope at rest is slack or lifts off a saddle.
+
+        tension_and_pressures : [N] the smallest tension, and the force of the rope on each saddle.
+        """
+        tension, *pressures = tension_and_pressures.tolist()
+        pressure = min(pressures, default=0.0)
+        if min(tension, pressure) < 0.0:
+            at_rest = f"at rest the smallest tension is {tension:.6g} N"
+            cause = f"{at_rest} and the smallest pressure on a saddle {pressure:.6g} N"
+            raise StepFailure(t, cause, "tighten the rope or lower its saddles")
 
     def slip_sign(self, i: int) -> float:
         """The sign of the slip that friction and brakes of a car act against; 0: they hold it."""

@@ -22,7 +22,7 @@ def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple
     Z = new.prescribed_coordinates(x.t, x.phase)
     _set_contact_coordinates(new, Z, snapshot)
     _carry_angles_and_centres(system, before, new, Z)
-    _carry_friction(system, new)
+    new.take_friction_from(system)
     layout.set_dependent_coordinates(Z)
     if passage.car in system.layout.angle_off_rope and passage.car not in layout.angle_off_rope:
         velocity = points_off_rope[passage.car][1]
@@ -66,17 +66,6 @@ def _carry_angles_and_centres(old: LineSines, before: Array, new: LineSines, Z: 
     angles = _cabin_angle_indices(old)
     for name, i in _cabin_angle_indices(new).items():
         Z[:2, i] = before[:2, angles[name]]
-
-
-def _carry_friction(old: LineSines, new: LineSines) -> None:
-    """Give the free cars of the new line their friction and holds."""
-    earlier = {body.car.name: j for j, body in old.free_cars.items()}
-    for k, body in new.free_cars.items():
-        j = earlier[body.car.name]
-        new.frictions[k] = old.frictions[j]
-        new.holds[k] = old.holds[j]
-        new.held_since[k] = old.held_since[j]
-        new.reached[k] = old.reached[j]
 
 
 def _cabin_angle_indices(system: LineSines) -> dict[str, int]:

@@ -38,6 +38,8 @@ HOLD = Friction._fields.index("hold")
 class LineSines(LineInMotion):
     """A line in motion, in SI.  The acceleration of a hauled car's last unknown is the haul force."""
 
+    of_cars = "frictions", "holds", "held_since", "reached"
+
     def __init__(self, line: MovingLine, terms: int) -> None:
         self.line = line
         self.layout = Layout(line, terms)
@@ -56,8 +58,8 @@ class LineSines(LineInMotion):
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA
         self.frictions = np.zeros((len(bodies), len(Friction._fields)))
         self.reached = np.zeros(len(bodies))  # [m] s up to which the brakes of free cars act
-        self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
-        self.held_since = dict.fromkeys(self.free_cars, 0.0)  # [s] when friction stopped them last
+        self.holds = np.zeros(len(bodies))  # [N] on free cars before they are released
+        self.held_since = np.zeros(len(bodies))  # [s] when friction stopped free cars last
         self.watch({k: body.car for k, body in self.cars.items()})
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
         self.off_rope = self._cars_off_rope()
@@ -120,8 +122,8 @@ class LineSines(LineInMotion):
         """Frictions at all contacts at times (...), (..., contacts, 5)."""
         t = np.asarray(times)
         frictions = np.broadcast_to(self.frictions, (*t.shape, *self.frictions.shape)).copy()
-        for k, hold in self.holds.items():
-            frictions[..., k, HOLD] = hold * self.cars[k].car.drive.remaining_hold_fraction(t)
+        for k, body in self.free_cars.items():
+            frictions[..., k, HOLD] = self.holds[k] * body.car.drive.remaining_hold_fraction(t)
         return frictions
 
     # --- the system --------------------------------------------------------------------------------------------------
@@ -182,7 +184,7 @@ class LineSines(LineInMotion):
             return self.with_acceleration(state)
         rest = coordinates_at_rest(self)
         values = self.held_equations.evaluate(rest[:, None], self.frictions[None])
-        self._require_taut_rope_on_saddles(values)
+        self.refuse_slack_rope(0.0, self.min_tension_and_saddle_pressures(values)[:, 0])
         for k in self.free_cars:
             self._set_release_friction_or_raise(k, rest, values)
         free = self.equations.free
@@ -196,15 +198,6 @@ class LineSines(LineInMotion):
         x = State(0.0, q, v, rest[2, free], 0)
         self.begin_step(x)
         return self.hold_until_released(self.with_acceleration(x))
-
-    def _require_taut_rope_on_saddles(self, values: LineValues) -> None:
-        """StepFailure where the rope at rest is slack or lifts off a saddle."""
-        tension, *pressures = self.min_tension_and_saddle_pressures(values)[:, 0].tolist()
-        pressure = min(pressures, default=0.0)
-        if min(tension, pressure) < 0.0:
-            at_rest = f"at rest the smallest tension is {tension:.6g} N"
-            cause = f"{at_rest} and the smallest pressure on a saddle {pressure:.6g} N"
-            raise StepFailure(0.0, cause, "tighten the rope")
 
     def with_acceleration(self, x: State) -> State:
         """The state with the accelerations that its balance asks for; StepFailure where there are none."""

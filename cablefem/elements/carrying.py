@@ -27,8 +27,7 @@ def system_after_passage(system: LineElements, passage: Passage, x: State) -> tu
         _add_jump_of_swing_rate(system, new, passage.car, off_rope[passage.car][1], z)
     for k in range(len(new.nodes)):
         _fit_segment(system, before, new, z, k)
-    for name in ("hold", "signs", "held_since", "brakes", "rear_brakes", "reached"):
-        setattr(new, name, _reorder_by_car(system, new, getattr(system, name)))
+    new.take_friction_from(system)
     new.set_travel_directions(x.phase)
     state = consistent_acceleration(new, x.t, z.q[new.free], z.v[new.free], x.phase)
     return new, state
@@ -81,13 +80,6 @@ def _body_slots_by_car(system: LineElements) -> dict[str, Array]:
     for trolley in system.trolleys:
         slots[trolley.car.name] = trolley.body
     return slots
-
-
-def _reorder_by_car(old: LineElements, new: LineElements, values: Array) -> Array:
-    """Values of the old line's cars in the order of the new one's; 0 for others."""
-    names = [car.name for car in old.line.cars_on_rope]
-    by_name = dict(zip(names, values.tolist(), strict=True))
-    return np.array([by_name.get(car.name, 0.0) for car in new.line.cars_on_rope])
 
 
 def _fit_segment(old: LineElements, before: Coordinates, new: LineElements, z: Coordinates, k: int) -> None:

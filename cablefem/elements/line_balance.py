@@ -129,7 +129,7 @@ class LineBalance(LineCoordinates):
     ) -> Array:
         """Rows of all coordinates (..., size): what is missing from balance; of prescribed ones the force they need.
 
-        Sets `loads` (n, .) of cars on one contact, and last the smallest tension, the mean over an element.
+        Sets `loads` (n, .) [N] of all wheels, and last the smallest tension, the mean over an element.
         x : (..., size) at the time or times t.  cars : other than those of t.  law : (3, K, G), other than the rope's.
         """
         cars = cars or self.car_loads_and_masses(t, phase)

@@ -91,6 +91,7 @@ class LineCoordinates(System):
         self.swing_off_rope = {car.name: first + i for i, car in enumerate(swinging)}  # slots of phi
         self.size = first + len(self.swing_off_rope)
         self.point_cars = [i for i, car in cars if car.wheels is None]  # numbers of the cars on one contact
+        self.car_of_wheel = [i for i, car in cars for _ in range(1 if car.wheels is None else 2)]
 
     def _set_rails_and_cars_off_rope(self) -> None:
         self.rails: list[tuple[int, Rail]] = []  # with slots of x

@@ -35,13 +35,14 @@ class LineElements(LineInMotion, LineBalance):
     hold it until "CAR breaks loose".
     """
 
+    of_cars = "hold", "signs", "held_since", "brakes", "rear_brakes", "reached"
+
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4) -> None:
         super().__init__(line, elements, degree)
         self.many_steps = not self.acting_off_rope
         cars = line.cars_on_rope
         self.watch(dict(enumerate(cars)))
-        # the car of each wheel or point that may lift off
-        self._pressing = [i for i, car in enumerate(cars) for _ in range(1 if car.wheels is None else 2)]
+        self._wheels_on_shoes = np.array([cars[i].rail is not None for i in self.car_of_wheel], bool)
 
     # --- start ---------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
@@ -61,19 +62,12 @@ class LineElements(LineInMotion, LineBalance):
         at_rest = resting_coordinates_with_forces(self, q)
         if self.car_contacts:
             self._release_free_cars(t, phase, at_rest, car_loads_at_rest(self, t, phase))
-        self._refuse_slack_rope(t, self.balance_rows(t, at_rest, phase))
+        rows = self.balance_rows(t, at_rest, phase)
+        self.refuse_slack_rope(t, self._min_tension_and_saddle_pressures(rows, self.loads[0]))
         q[self.force] = 0.0
         v[self.force] = 0.0
         x = consistent_acceleration(self, t, q[self.free], v[self.free], phase)
         return self.hold_until_released(x)
-
-    def _refuse_slack_rope(self, t: float, rows: Array) -> None:
-        """Raise StepFailure where the rope at rest is slack or lifts off a saddle; rows : of the last balance."""
-        slack, *pressures = self._min_tension_and_saddle_pressures(rows, self.loads[0])
-        if min(slack, *pressures, 0.0) < 0.0:
-            cause = f"at rest the smallest tension is {slack:.6g} N and the smallest pressure on a saddle"
-            cause = f"{cause} {min(pressures, default=0.0):.6g} N"
-            raise StepFailure(t, cause, "tighten the rope or lower its saddles")
 
     def set_travel_directions(self, phase: int) -> None:
         """Set the directions of prescribed cars."""
@@ -93,9 +87,8 @@ class LineElements(LineInMotion, LineBalance):
         for i in self.free_cars:
             self.set_friction(i, x.q[slots[i]], self.slip_sign(i))
         now = self.car_loads_and_masses(t, phase)
-        rows = self.balance_rows(t, x, phase, cars=now)
-        pressing = np.abs(self._pressing_forces(x, rows, self.loads[0], now))
-        loads = np.bincount(self._pressing, pressing)
+        self.balance_rows(t, x, phase, cars=now)
+        loads = np.bincount(self.car_of_wheel, np.abs(self.loads[0, :-1]))
         none = np.zeros_like(now.hold)
         frictionless = now._replace(hold=none, sign=none)
         rows = self.balance_rows(t, x, phase, cars=frictionless)
@@ -135,9 +128,9 @@ class LineElements(LineInMotion, LineBalance):
         stretch = 0.5 * (vector_length(y[..., 0:2]) + vector_length(y[..., 2:4]))
         return rows[..., self.slot_of_s(i)] / stretch
 
-    def _friction_margin(self, i: int, z: Coordinates, rows: Array, pressing: Array) -> Array:
+    def _friction_margin(self, i: int, z: Coordinates, rows: Array, wheel_loads: Array) -> Array:
         """Largest force [N] of friction and brakes less the one that holds car i."""
-        load = np.abs(pressing[..., np.equal(self._pressing, i)]).sum(axis=-1)
+        load = np.abs(wheel_loads[..., np.equal(self.car_of_wheel, i)]).sum(axis=-1)
         largest = self._unloaded_cars.friction[i] * load + self.brakes[i]
         return largest - np.abs(self._holding_force(i, z, rows))
 
@@ -153,11 +146,12 @@ class LineElements(LineInMotion, LineBalance):
     def contact_positions_and_forces(self, t: Any, coordinates: Coordinates, phase: int) -> tuple[Array, list[Array]]:
         rows = self.balance_rows(t, coordinates, phase)
         loads = self.loads.reshape(*np.shape(t), self.loads.shape[-1])
-        pressing = self._pressing_forces(coordinates, rows, loads, self.car_loads_and_masses(t, phase))
+        wheel_loads = loads[..., :-1]
+        pressing = np.where(self._wheels_on_shoes, np.inf, wheel_loads)  # a car does not leave a shoe
         of_rope = self._min_tension_and_saddle_pressures(rows, loads)
         forces = [*np.moveaxis(pressing, -1, 0), *np.moveaxis(of_rope, -1, 0)]
         for i in self.stops:
-            margin = self._friction_margin(i, coordinates, rows, pressing)
+            margin = self._friction_margin(i, coordinates, rows, wheel_loads)
             forces.append(np.where(self.sticks(i), margin, np.inf))
         return coordinates.q[..., self.s], forces
 
@@ -168,21 +162,6 @@ class LineElements(LineInMotion, LineBalance):
         flat = np.array(coordinates).reshape(3, -1, self.size)
         points = self.off_rope[name].points_with_rates(np.ravel(t), flat, phase)
         return np.moveaxis(points.reshape(*np.shape(t), 3, 2), -2, 0)
-
-    def _pressing_forces(self, x: Coordinates, rows: Array, loads: Array, cars: CarLoadsAndMasses) -> Array:
-        """Contact forces [N] of all that may lift off (..., .); `rows` and `loads` are those of x."""
-        by_car: dict[int, Any] = {}
-        for i, load in zip(self.point_cars, np.moveaxis(loads, -1, 0), strict=False):
-            by_car[i] = [load]
-        for trolley in self.trolleys:
-            inputs = trolley.force_inputs(x, rows[..., trolley.points.ravel()])
-            forces = trolley.forces(cars, inputs)
-            by_car[trolley.i] = [forces.rear.load, forces.front.load]
-        for i, car in enumerate(self.line.cars_on_rope):
-            if car.rail is not None:
-                by_car[i] = [np.full(rows.shape[:-1], np.inf)]
-        pressing = [load for i in range(len(by_car)) for load in by_car[i]]
-        return np.stack(pressing, axis=-1) if pressing else rows[..., :0]
 
     def _min_tension_and_saddle_pressures(self, rows: Array, loads: Array) -> Array:
         """Smallest tension, and pressures of the rope on the saddles [N] (..., .)."""

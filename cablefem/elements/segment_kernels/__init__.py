@@ -41,7 +41,11 @@ class Kernel:
         car_contacts = np.array(system.car_contacts, int)
         swings = np.full(car_contacts.size, -1)
         swings[system.of_swing] = system.swing
-        self.points = balance.Cars(car_contacts[self.cars], system._force_slots[self.cars], swings[self.cars])
+        first_wheel = np.searchsorted(system.car_of_wheel, np.arange(car_contacts.size))
+        self.points = balance.Cars(
+            car_contacts[self.cars], system._force_slots[self.cars], swings[self.cars], first_wheel[self.cars]
+        )
+        self.wheels = len(system.car_of_wheel)
         self.supports = contacts.Supports(
             system.springs, system.stiffness, system.unloaded, system.weights, system.weight_numbers
         )
@@ -52,6 +56,7 @@ class Kernel:
             np.array([trolley.points for trolley in trolleys], int).reshape(-1, 2, 2),
             np.array([trolley.body for trolley in trolleys], int).reshape(-1, 3),
             np.array([trolley.force for trolley in trolleys], int),
+            first_wheel[self.of_trolleys],
             np.array([trolley.numbers for trolley in trolleys]).reshape(-1, 14),
         )
         self.rails = contacts.Rails(
@@ -89,7 +94,7 @@ class Kernel:
     def rows_and_loads(self, z: Array, law: Array, cars: CarLoadsAndMasses) -> tuple[Array, Array]:
         """Rows (n, size) of coordinates with rates z (3, n, size), and what `contacts.set_rows_and_loads` has more."""
         rows = np.empty(z.shape[1:])
-        loads = np.empty((len(rows), self.cars.size + 1))
+        loads = np.empty((len(rows), self.wheels + 1))
         contacts.set_rows_and_loads(self._line(law, cars), 0, z, rows, loads)
         return rows, loads
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cablefem.compiled import compiling_decorator
 from cablefem.elements import bodies, segments
+from cablefem.elements.line_coordinates import Coordinates
 from cablefem.newmark import Array
 
 if TYPE_CHECKING:
@@ -42,14 +43,7 @@ class Cars(NamedTuple):
     contacts: NDArray[np.int64]
     forces: NDArray[np.int64]  # slots of F/M, or -1
     swings: NDArray[np.int64]  # slots of phi, or -1
-
-
-class Coordinates(NamedTuple):
-    """All coordinates with their rates, (size,) each; see `line_coordinates`."""
-
-    q: Array
-    v: Array
-    a: Array
+    loads: NDArray[np.int64]  # numbers of their wheels
 
 
 @inner
@@ -158,7 +152,7 @@ def set_slopes_and_motion_at_car(line: Line, j: int, at: Coordinates, y: Array) 
 
 @inner
 def add_car_rows_and_set_loads(line: Line, i: int, at: Coordinates, rows: Array, loads: Array) -> None:
-    """Add C, - Q and rows of phi of the cars at instant i; set their loads on the rope, the first m."""
+    """Add C, - Q and rows of phi of the cars at instant i; set their loads on the rope."""
     cars = line.cars
     y = np.empty(bodies.INPUTS)
     data = line.car_data[min(i, line.car_data.shape[0] - 1)]
@@ -169,6 +163,6 @@ def add_car_rows_and_set_loads(line: Line, i: int, at: Coordinates, rows: Array,
         rows[node] += forces.contact_x
         rows[node + 1] += forces.contact_y
         rows[first_slot_of_s(line) + cars.contacts[j]] -= forces.drive
-        loads[j] = forces.normal
+        loads[cars.loads[j]] = forces.normal
         if cars.swings[j] >= 0:
             rows[cars.swings[j]] += forces.swing

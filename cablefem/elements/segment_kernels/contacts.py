@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.elements import bodies, trolley
+from cablefem.elements.line_coordinates import Coordinates
 from cablefem.elements.segment_kernels.balance import (
     Cars,
-    Coordinates,
     Rope,
     add_car_rows_and_set_loads,
     add_rope_rows_return_min_tension,
@@ -45,6 +45,7 @@ class Trolleys(NamedTuple):
     points: Slots  # (m, 2, 2) of x and y of the rear and the front wheel
     bodies: Slots  # (m, 3) of X and th
     forces: Slots  # of F/M, or -1
+    loads: Slots  # numbers of the rear wheels
     numbers: Array  # (m, 14) see `trolley.body_forces`
 
 
@@ -118,8 +119,7 @@ def depth_with_derivatives(rails: Rails, j: int, x: float) -> tuple[float, float
 def set_rows_and_loads(line: Line, first: int, z: Array, rows: Array, loads: Array) -> None:
     """Set the rows (n, size) and loads (n, m + 1) of instants from number `first` on.
 
-    z : coordinates with rates (3, n, size).  loads : of the m cars on one contact, and last the smallest mean tension
-    of an element.
+    z : coordinates with rates (3, n, size).  loads : of all m wheels, and last the smallest mean tension of an element.
     """
     for i in range(rows.shape[0]):
         set_rows_and_loads_of_instant(line, first + i, Coordinates(z[0, i], z[1, i], z[2, i]), rows[i], loads[i])
@@ -132,7 +132,7 @@ def set_rows_and_loads_of_instant(line: Line, i: int, at: Coordinates, rows: Arr
     add_car_rows_and_set_loads(line, i, at, rows, loads)
     add_support_rows(line, at, rows)
     for j in range(line.trolleys.contacts.size):
-        add_trolley_rows(line, i, j, at, rows)
+        add_trolley_rows_and_set_loads(line, i, j, at, rows, loads)
     for j in range(line.rails.points.size):
         x = line.rails.points[j]
         rows[x] += depth_with_derivatives(line.rails, j, at.q[x])[1] * rows[x + 1]
@@ -153,8 +153,8 @@ def add_support_rows(line: Line, at: Coordinates, rows: Array) -> None:
 
 
 @inner
-def add_trolley_rows(line: Line, i: int, j: int, at: Coordinates, rows: Array) -> None:
-    """Add the rows of the car j on two wheels at instant i, see `trolley`."""
+def add_trolley_rows_and_set_loads(line: Line, i: int, j: int, at: Coordinates, rows: Array, loads: Array) -> None:
+    """Add the rows of the car j on two wheels at instant i, see `trolley`, and set their loads."""
     trolleys = line.trolleys
     front = trolleys.contacts[j]
     thrust, brake, hold, sign, rear_brake = line.trolley_data[min(i, line.trolley_data.shape[0] - 1), j]
@@ -179,6 +179,8 @@ def add_trolley_rows(line: Line, i: int, j: int, at: Coordinates, rows: Array) -
     rows[body[2]] += forces.of_th
     rear = wheel_forces(y[0:4], y[8:10], numbers[13], rear_brake, sign)
     ahead = wheel_forces(y[4:8], y[10:12], numbers[13], brake - rear_brake, sign)
+    loads[trolleys.loads[j]] = rear.load
+    loads[trolleys.loads[j] + 1] = ahead.load
     S = first_slot_of_s(line)
     rows[S + front - 1] -= rear.friction
     rows[S + front] -= ahead.friction + ahead.stretch * hold

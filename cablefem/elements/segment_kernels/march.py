@@ -42,7 +42,7 @@ def set_residuals(system: System, k: int, x: Array, r: Array) -> None:
             for j in range(x.shape[2]):
                 z[order, i, system.slots[j]] = x[i, order, j]
     set_dependent_coordinates(line.trolleys, line.rails, z)
-    loads = np.empty((nodes, line.cars.contacts.size + 1))
+    loads = np.empty((nodes, line.cars.loads.size + 2 * line.trolleys.loads.size + 1))
     set_rows_and_loads(line, k * nodes, z, r, loads)
 
 
