@@ -109,7 +109,7 @@ def _may_be_refined(refinement: int, finest: Sequence[LineRun]) -> bool:
     refinement : times the coarsest resolution and steps together.
     """
     enough = 64
-    cheap = refine.BUDGET / 2.0  # unknowns times Newton iterations
+    cheap = 4.0 * refine.BUDGET  # unknowns times Newton iterations: some seconds
     return refinement < enough or all(run.n_dof * run.work.newton_iterations <= cheap for run in finest)
 
 
