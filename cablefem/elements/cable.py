@@ -345,20 +345,11 @@ class CableElements(System):
         slope = bend * (s - 0.5)
         return depth[..., None], slope[..., None], bend[..., None]
 
-    def _inertia_less_weight_of_mass(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
-        """Force of a mass that follows the static shape, mu d2X/dt2 less its weight, of each field."""
-        mu = self.inertia
-        weight = self.weight
-        if self.fields == 1:
-            curvature = float(self._law[2])
-            acceleration = dds * curvature * (0.5 - s_o) - ds * ds * curvature
-            return (mu * acceleration - weight[0],)
-        p = self.groups.c - self.groups.sigma * s_o
-        T = np.sqrt(1.0 + p * p)
-        bend = ds * ds * self.groups.sigma / T**3
-        along_x = dds / T + bend * p
-        downwards = dds * p / T - bend
-        return mu * along_x - weight[0], mu * downwards - weight[1]
+    def _inertia_less_weight_of_mass(self, s_o: Any, ds: Any, dds: Any) -> Array:
+        """Force of a mass that follows the static shape, mu d2X/dt2 less its weight (fields, ...)."""
+        _, slope, bend = (x.T for x in self.static_shape_and_derivatives(s_o))
+        inertia = self.inertia * (dds * slope + ds * ds * bend)
+        return (inertia.T - self.weight).T
 
     def mass_positions_and_displacements(self, states: States) -> tuple[Array, Array]:
         """s_o (n,) and the displacement of the mass (n, 2)."""

@@ -75,9 +75,9 @@ class FollowingElements(CableElements):
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
         if ds > 0.0:
-            node_a = -np.array(self._inertia_less_weight_of_mass(0.0, ds, dds)) / inertia
+            node_a = -self._inertia_less_weight_of_mass(0.0, ds, dds) / inertia
         elif dds > 0.0:
-            load = np.array(self._inertia_less_weight_of_mass(0.0, 0.0, dds))
+            load = self._inertia_less_weight_of_mass(0.0, 0.0, dds)
             node_a = dds * self._entry_slope_behind(inertia * dds, load)
         else:
             raise ValueError("the travel starts with neither speed nor acceleration")

@@ -129,7 +129,7 @@ def set_corrections(march: March) -> None:
 
 
 @inner
-def add_correction_along(mode: Mode, march: March) -> None:
+def add_correction_along(mode: Mode, march: Any) -> None:
     """Add the corrections along an eigenvector, if there is one."""
     if mode.weights.size == 0:
         return

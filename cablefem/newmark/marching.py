@@ -19,8 +19,8 @@ STEPS_AT_ONCE = 16  # those beyond an event are lost
 class Mode(NamedTuple):
     """An eigenvector of the rule with the factors of its tangent, real or complex."""
 
-    weights: Array  # (s,) or none, see `Tableau.to_modes`
-    shares: Array  # (s,) or none, see `Tableau.from_modes`
+    weights: Any  # (s,) or none, see `Tableau.to_modes`
+    shares: Any  # (s,) or none, see `Tableau.from_modes`
     factors: Any
 
 

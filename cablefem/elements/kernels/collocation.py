@@ -22,7 +22,13 @@ from cablefem.elements.kernels.car import CarOnMesh, car_is_before_event
 from cablefem.elements.kernels.newton import NO_TANGENT, assemble_balance
 from cablefem.newmark import Array, Newton, Tableau
 from cablefem.newmark.collocation import SAME_STEP
-from cablefem.newmark.compiled_collocation import set_end_state, set_node_state, set_weighted_sums
+from cablefem.newmark.compiled_collocation import (
+    add_correction_along,
+    set_end_state,
+    set_node_state,
+    set_weighted_sums,
+)
+from cablefem.newmark.marching import Mode
 
 FAST_ENOUGH = 0.03  # rate of convergence with kept factors
 
@@ -271,6 +277,20 @@ def set_row_scales(
             scales[i, j] = (K + M) / (K * scales[i, j] / per_h + M_i)
 
 
+class Corrections(NamedTuple):
+    """See `compiled_collocation.March`."""
+
+    solve: Any
+    r: Any
+    da: Any
+
+
+@inner
+def solve_tangent(tangent: Tangent, b: Array) -> None:
+    """Overwrite b with the solution; tangent : factors."""
+    solve_factored_in_place(tangent.ab, tangent.border, b)
+
+
 @inner
 def set_corrections(workspace: Workspace, rule: Tableau) -> None:
     """Set `da` of a workspace to the corrections of all nodes, from `r`, which is scaled in place."""
@@ -278,45 +298,11 @@ def set_corrections(workspace: Workspace, rule: Tableau) -> None:
     for i in range(workspace.r.shape[0]):
         for j in range(workspace.r.shape[1]):
             workspace.r[i, j] *= workspace.scales[i, j]
+    corrections = Corrections(solve_tangent, workspace.r, workspace.da)
     for k in range(rule.eigenvalues.size):
+        weights = rule.to_modes[k]
+        shares = rule.from_modes[:, k]
         if rule.eigenvalues[k].imag == 0.0:
-            add_real_mode(workspace, rule, k)
+            add_correction_along(Mode(weights.real, shares.real, workspace.real), corrections)
         else:
-            add_complex_mode(workspace, rule, k)
-
-
-@inner
-def add_real_mode(workspace: Workspace, rule: Tableau, k: int) -> None:
-    """Add the correction along the eigenvector k of the rule to `da`."""
-    s, n = workspace.r.shape
-    da = workspace.da
-    along = np.empty(n)
-    for j in range(n):
-        along[j] = 0.0
-        for i in range(s):
-            along[j] += rule.to_modes[k, i].real * workspace.r[i, j]
-    solve_factored_in_place(workspace.real.ab, workspace.real.border, along)
-    for i in range(s):
-        for j in range(n):
-            da[i, j] += rule.from_modes[i, k].real * along[j]
-
-
-@inner
-def add_complex_mode(workspace: Workspace, rule: Tableau, k: int) -> None:
-    """The same for a pair of complex eigenvectors."""
-    s, n = workspace.r.shape
-    da = workspace.da
-    along = np.empty(n, dtype=np.complex128)
-    for j in range(n):
-        x = 0.0
-        y = 0.0
-        for i in range(s):
-            x += rule.to_modes[k, i].real * workspace.r[i, j]
-            y += rule.to_modes[k, i].imag * workspace.r[i, j]
-        along[j] = complex(x, y)
-    solve_factored_in_place(workspace.complex_pair.ab, workspace.complex_pair.border, along)
-    for i in range(s):
-        x = rule.from_modes[i, k].real
-        y = rule.from_modes[i, k].imag
-        for j in range(n):
-            da[i, j] += x * along[j].real - y * along[j].imag
+            add_correction_along(Mode(weights, shares, workspace.complex_pair), corrections)
