@@ -540,11 +540,20 @@ class _LineFiles:
         body, _, over = body_over_obstacle.rpartition(" over ")
         profile = self.profiles[over]
         if kind == "clearance_rope":
-            curves = [(path["x"], path["y"]) for path in self.paths.values()]
-            curves += [points.T for points in rope_chain(self.motion).points]
-            return min(min_height_over(profile, x, y) for x, y in curves)
+            curves = [np.column_stack([path["x"], path["y"]]) for path in self.paths.values()]
+            return min(min_height_over(profile, *points.T) for points in (*curves, *self._rope_points()))
         path = self.paths[body]
         return min_height_over(profile, path["x"], path["y"]) - self.line.cars[body].get("below", 0.0)
+
+    def _rope_points(self) -> Array:
+        """Points (n, k, 2) at steps, nan beyond the rope, in order of s; not by the chain that is written from."""
+        motion = self.motion
+        wheels = [wheel for car in motion.cars if car.turning is not None for wheel in car.turning.wheels]
+        bodies = [*motion.contacts, *motion.cars, *wheels]
+        s = np.column_stack([np.tile(motion.s, (motion.t.size, 1)), *(body.s for body in bodies)])
+        points = np.concatenate([motion.points, np.stack([body.point for body in bodies], axis=1)], axis=1)
+        order = np.argsort(s, axis=1, kind="stable")
+        return np.take_along_axis(points, order[..., None], axis=1)
 
     @cached_property
     def _columns_by_quantity(self) -> Entries:
