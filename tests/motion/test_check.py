@@ -433,7 +433,7 @@ def test_a_thrust_that_ends_does_no_work_at_its_last_time():
     """The law's sampling had half a step of it too much."""
     line = Line.from_toml(BODIES.replace("times = [0.0, 9.0]", "times = [0.0, 1.0]"))
     moved = LineRuns(ELEMENTS, line).run(1, 1)
-    sampled = motion_laws.SampledMotion(motion_laws.LineTables(line.to_toml()), moved.motion)
+    sampled = motion_laws.SampledMotion(motion_laws.LineTables(line.to_toml()), moved)
     assert np.abs(motion_laws.momentum_defects_by_window(sampled, moved.end)).max() < 3e-4
 
 
@@ -505,7 +505,7 @@ def test_a_brake_lets_go_where_it_begins(wing):
     at = [float(run.motion.cars[0].s[run.motion.t == t][0]) for _, t in run.events]
     assert [name for name, _ in run.events][0::3] == ["rider brakes", "rider leaves a brake"]
     np.testing.assert_allclose(at[0::3], 130.0, atol=1e-6)
-    sampled = motion_laws.SampledMotion(motion_laws.LineTables(line.to_toml()), run.motion)
+    sampled = motion_laws.SampledMotion(motion_laws.LineTables(line.to_toml()), run)
     assert np.abs(motion_laws.energy_defects(sampled, run.end)).max() < 0.012
 
 

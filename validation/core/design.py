@@ -64,17 +64,15 @@ def _free_car_deceleration_tracks(r: Response) -> list[Track]:
     return [Track(r.t, rate, r.s_o)]
 
 
-def _magnitude(reaction: Array) -> Array:
-    return np.hypot(reaction[:, 0], reaction[:, 1])
-
-
 def _degrees_to_horizontal(reaction: Array) -> Array:
     """Angle [deg] of a reaction (n, 2) to the horizontal."""
     horizontal, vertical = np.abs(reaction.T)
     return np.degrees(np.arctan2(vertical, horizontal))
 
 
-def _tracks_at_support(side: str, component: Callable[[Array], Array] = _magnitude) -> Tracks:
+def _tracks_at_support(
+    side: str, component: Callable[[Array], Array] = lambda reaction: np.hypot(*reaction.T)
+) -> Tracks:
     """A component of the reaction at a support."""
 
     def tracks(r: Response) -> list[Track]:
@@ -326,15 +324,11 @@ def _number_of_extreme(signal: Signal, ladder: Ladder) -> Number | None:
     if unit == "N":
         raw = signal._replace(period=0.0)
         bar_peak = math.inf
-        if ladder.runs[1:] and not _scheme_damps_axial_waves(r):  # else coarser runs do not show their error
+        # coarser runs of a rule that damps axial waves do not show their error
+        if ladder.runs[1:] and not scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps:
             bar_peak = _bar_of_extreme(raw, extreme, signal.period, ladder, FIRST)
         where |= {"peak": raw.extreme_value_or_nan(r), "bar_peak": nulls_for_nonfinite(bar_peak)}
     return _design_row(quantity, extreme.value, bar, unit, **where)
-
-
-def _scheme_damps_axial_waves(r: Response) -> bool:
-    """Whether the time stepping of a run damps axial waves."""
-    return scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps
 
 
 def _bar_of_extreme(signal: Signal, extreme: _Extreme, period: float, ladder: Ladder, order: float) -> float:

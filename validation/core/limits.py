@@ -21,16 +21,12 @@ Row = dict[str, Any]
 
 
 class ValueWithBar(NamedTuple):
-    """A computed value with its bar; nan: unknown, and why."""
+    """A computed value with its bar, of equal values the wider one is the larger; nan: unknown, and why."""
 
     value: float
     bar: float = 0.0
     subject: str = ""  # the design number or obstacle that it belongs to
     why: str = ""
-
-
-def _largest_then_widest(number: ValueWithBar) -> tuple[float, float]:
-    return number.value, number.bar
 
 
 def _smallest_then_widest(number: ValueWithBar) -> tuple[float, float]:
@@ -169,7 +165,7 @@ class _ComputedDemandValues:
         return [value]
 
     def _largest(self, kind: str) -> ValueWithBar | None:
-        return max(self.numbers.get(kind, ()), key=_largest_then_widest, default=None)
+        return max(self.numbers.get(kind, ()), default=None)
 
     def _smallest(self, kind: str) -> ValueWithBar | None:
         return min(self.numbers.get(kind, ()), key=_smallest_then_widest, default=None)
@@ -210,7 +206,7 @@ class _ComputedDemandValues:
         """Largest knee at the last contact before the end, or at the others."""
         last = f"knee_max:{self.scene.contact[-2].name}" if isinstance(self.scene, Line) else ""
         knees = [x for x in self.numbers.get("knee_max", ()) if (x.subject == last) is at_last_support]
-        return max(knees, key=_largest_then_widest, default=None)
+        return max(knees, default=None)
 
     def _smallest_clearances(self, rule: Row) -> Iterator[ValueWithBar]:
         """The smallest clearance over each obstacle, and the ground, of the rule's kind; unknown where none is."""

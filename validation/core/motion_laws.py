@@ -130,10 +130,13 @@ def rope_chain(motion: Any) -> RopeChain:
 
 
 class SampledMotion:
-    """A motion at every n-th step (`every`): its bodies, and integrals over the rope as a chain of straight pieces."""
+    """A run at every n-th step (`every`): its bodies, and integrals over the rope as a chain of straight pieces."""
 
-    def __init__(self, line: LineTables, motion: Any, every: int = 1) -> None:
+    def __init__(self, line: LineTables, moved: Any, every: int = 1) -> None:
+        motion = moved.motion
         self.line = line
+        self.events = moved.events
+        self.all_times = motion.t
         self.taken = every_nth_step(motion.t, every)
         self.t = motion.t[self.taken]
         self.cars = list(motion.cars)
@@ -332,21 +335,17 @@ def holding_force_excesses_by_window(x: SampledMotion, end: float) -> Array:
     return np.maximum(excesses, 0.0)
 
 
-def timetable_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
-    """Largest distance (1,) of a car from the timetable of the TOML, over the way that it goes.
-
-    moved : a run of the line;  every : of its steps every n-th is taken.
-    """
-    motion = moved.motion
-    steps = every_nth_step(motion.t, every)
-    t = motion.t[steps]
+def timetable_defects(x: SampledMotion, end: float) -> Array:
+    """Largest distance (1,) of a car from the timetable of the TOML, over the way that it goes."""
+    line = x.line
+    t = x.t
     defects = [0.0]
-    for car in motion.cars:
+    for car in x.cars:
         travel = line.cars[car.name].get("travel")
         if travel is None:
             continue
         in_x = is_hauled_in_x(line.cars[car.name], len(line.contacts))
-        positions = (car.point[:, 0] if in_x else car.s / line.heat)[steps]
+        positions = x.at_samples(car.point[:, 0] if in_x else car.s / line.heat)
         begin = travel.get("from", 0.0)
         if travel["kind"] == "table":
             rows = np.array(travel["times"]) <= t[-1]
@@ -361,42 +360,39 @@ def timetable_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
     return np.array([max(max(defects) - ROUNDING, 0.0)])
 
 
-def event_place_defects(line: LineTables, moved: Any, every: int = 1) -> Array:
+def event_place_defects(x: SampledMotion, end: float) -> Array:
     """Largest distance (1,) of cars at events of brakes and shoes from where the TOML has these, over the rope.
 
-    1 if a brake acts at the end, or does not, against the place of its car.
-
-    moved : a run of the line, with events at steps, whatever n is in every n-th step.
+    1 if a brake acts at the end, or does not, against the place of its car.  Events are at steps: all of them count.
     """
-    motion = moved.motion
-    length = float(motion.s[-1] - motion.s[0])
+    length = float(x.contacts[-1].s[0] - x.contacts[0].s[0])
     located_to = 1e-6  # of the length: steps end at events to the tolerance of Newton's method
     defects = [0.0]
-    for car in motion.cars:
-        brakes = line.brake_positions(car.name)
-        begun, ended = (_times_of_event(moved, car, event) for event in BRAKE_EVENTS)
-        at_events = np.interp([*begun, *ended], motion.t, car.s)
+    for car in x.cars:
+        brakes = x.line.brake_positions(car.name)
+        begun, ended = (_times_of_event(x, car, event) for event in BRAKE_EVENTS)
+        at_events = np.interp([*begun, *ended], x.all_times, car.s)
         off_brakes = np.abs(brakes - at_events[:, None]).min(axis=1, initial=length)
-        defects += [distance / length for distance in (*off_brakes, *_distances_at_shoe_events(line, moved, car))]
+        defects += [distance / length for distance in (*off_brakes, *_distances_at_shoe_events(x, car))]
         passed = int(np.sum(brakes <= car.s[-1])) - int(np.sum(brakes <= car.s[0]))
         ends_at_brake = np.abs(brakes - car.s[-1]).min(initial=length) <= located_to * length
         defects.append(float(len(begun) - len(ended) != passed and not ends_at_brake))
     return np.array([max(max(defects) - located_to, 0.0)])
 
 
-def _times_of_event(moved: Any, car: Any, name: str) -> list[float]:
-    return [t for event, t in moved.events if event == f"{car.name} {name}"]
+def _times_of_event(x: SampledMotion, car: Any, name: str) -> list[float]:
+    return [t for event, t in x.events if event == f"{car.name} {name}"]
 
 
-def _distances_at_shoe_events(line: LineTables, moved: Any, car: Any) -> Iterator[float]:
+def _distances_at_shoe_events(x: SampledMotion, car: Any) -> Iterator[float]:
     """Distances [m] of a car from the end of a shoe at events of that shoe."""
-    for contact in line.contacts:
+    for contact in x.line.contacts:
         shoe = contact.get("shoe")
         if not shoe:
             continue
-        times = [t for verb in SHOE_VERBS for t in _times_of_event(moved, car, f"{verb} the shoe of {contact['name']}")]
-        x = np.interp(times, moved.motion.t, car.point[:, 0])
-        yield from np.abs(np.abs(x - contact["at"][0]) - shoe).tolist()
+        times = [t for verb in SHOE_VERBS for t in _times_of_event(x, car, f"{verb} the shoe of {contact['name']}")]
+        off_saddle = np.interp(times, x.all_times, car.point[:, 0]) - contact["at"][0]
+        yield from np.abs(np.abs(off_saddle) - shoe).tolist()
 
 
 def _any_free_car_sticks(line: LineTables, motion: Any) -> bool:
@@ -409,18 +405,7 @@ def _any_free_car_sticks(line: LineTables, motion: Any) -> bool:
     return False
 
 
-Law = Callable[[SampledMotion, float], Array]  # defects of a motion up to a time [s]
-
-
-def laws_of_runs(line: LineTables) -> dict[str, Callable[..., Array]]:
-    """Laws of the TOML that need events or steps: defects (1,) of a run, and of every n-th step of it, by name."""
-    laws: dict[str, Callable[..., Array]] = {}
-    if any("travel" in car for car in line.cars.values()):
-        laws["timetables"] = timetable_defects
-    braked = any(car.get("drive", {}).get("brake") for car in line.cars.values())
-    if braked or any(contact.get("shoe") for contact in line.contacts):
-        laws["places of events"] = event_place_defects
-    return laws
+Law = Callable[[SampledMotion, float], Array]  # defects of a run up to a time [s]
 
 
 def laws_that_apply(line: LineTables, motions: Sequence[Any]) -> dict[str, Law]:
@@ -430,10 +415,20 @@ def laws_that_apply(line: LineTables, motions: Sequence[Any]) -> dict[str, Law]:
         laws["moment of momentum of bodies"] = body_moment_defects_by_window
         laws["forces on kinks of the rope"] = turning_body_force_defects_by_window
         laws["centres of mass"] = centre_of_mass_defects
-    if line.counterweights:
-        laws["motion of the counterweight"] = counterweight_defects_by_window
     if any(_any_free_car_sticks(line, motion) for motion in motions):
         laws["friction that holds cars"] = holding_force_excesses_by_window
+    return laws | _laws_of_contacts_and_drives(line)
+
+
+def _laws_of_contacts_and_drives(line: LineTables) -> dict[str, Law]:
+    laws: dict[str, Law] = {}
+    if line.counterweights:
+        laws["motion of the counterweight"] = counterweight_defects_by_window
+    if any("travel" in car for car in line.cars.values()):
+        laws["timetables"] = timetable_defects
+    braked = any(line.brake_positions(car).size for car in line.cars)
+    if braked or any(contact.get("shoe") for contact in line.contacts):
+        laws["places of events"] = event_place_defects
     return laws
 
 

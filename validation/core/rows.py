@@ -107,10 +107,6 @@ _rolls = attrgetter("rolls")
 _free = attrgetter("free")
 
 
-def _hauled(view: View) -> bool:
-    return view.rolls and not view.free
-
-
 def _force_quantities(mean: bool) -> list[Quantity]:
     """Forces at the car and the supports: judged as means over an axial round trip, else only shown.
 
@@ -127,7 +123,7 @@ def _force_quantities(mean: bool) -> list[Quantity]:
         force("tension_ahead", "T_ahead", over="H"),
         force("reactions", "reaction_left", "reaction_right", over="H"),
         force("contact", "F_contact", over="weight", concerns=_rolls if mean else _any_car),
-        force("haul_force", "F_haul", over="weight", concerns=_hauled),
+        force("haul_force", "F_haul", over="weight", concerns=lambda view: view.rolls and not view.free),
         force("thrust", "F_haul", over="weight", concerns=_free),
     ]
 

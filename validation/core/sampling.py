@@ -180,13 +180,13 @@ def observation_in_si(scene: Scene, observation: Observation, steps: NDArray[np.
     at_frames["mass_u"], at_frames["mass_v"] = l * observation.path[~steps].T
     x_rest, y_rest = scene.groups.coordinates(s)
     T_static = H * scene.groups.static_tension(s)
-    result = scaled_rows(steps, *_STEP_FORCES)
-    result["fields"] = Fields(**at_frames, s=l * s, x=l * x_rest, y=l * y_rest, T_static=T_static)
-    result["velocity"] = speed * observation.path_velocity[steps]
-    result["acceleration"] = speed / scene.time_scale * observation.path_acceleration[steps]
-    result["F_haul"] = H * observation.haul[steps]
-    result["powers"] = {name: H * speed * power[steps] for name, power in observation.powers.items()}
-    return result
+    return scaled_rows(steps, *_STEP_FORCES) | {
+        "fields": Fields(**at_frames, s=l * s, x=l * x_rest, y=l * y_rest, T_static=T_static),
+        "velocity": speed * observation.path_velocity[steps],
+        "acceleration": speed / scene.time_scale * observation.path_acceleration[steps],
+        "F_haul": H * observation.haul[steps],
+        "powers": {name: H * speed * power[steps] for name, power in observation.powers.items()},
+    }
 
 
 def _nearest_index(times: Array, t: float) -> int:

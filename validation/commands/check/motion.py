@@ -63,14 +63,12 @@ def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end: float) -> Itera
     def defects(law: motion_laws.Law, moved: LineRun, every: int = 1) -> Array:
         key = id(moved), every
         if key not in samples:
-            samples[key] = moved, motion_laws.SampledMotion(line, moved.motion, every)  # an id lives with its run
+            samples[key] = moved, motion_laws.SampledMotion(line, moved, every)  # an id lives with its run
         return law(samples[key][1], end)
 
     for ladder in ladders:
         for name, law in laws.items():
             yield law_row(ladder, "laws_si", name, partial(defects, law), end)
-        for name, law_of_run in motion_laws.laws_of_runs(line).items():
-            yield law_row(ladder, "laws_si", name, partial(law_of_run, line), end)
 
 
 def check_line(

@@ -134,10 +134,7 @@ class _MovingLine:
         """Faults of the kind of outcome, and of its sentence."""
         clearances = [number for name, number in self.design.items() if name.startswith("clearance")]
         hit = [number for number in clearances if _upper_end_of_bar(number) < TOUCHES]
-        complete = self.summary["status"] == "complete"
-        breaks = "safety_factor_min" in self.design and _upper_end_of_bar(self.design["safety_factor_min"]) < 1.0
-        kinds = {"incomplete": not complete, "breaks": breaks, "collides": hit}
-        kind = next((kind for kind, holds in kinds.items() if holds), None) or self._expected_end_kind()
+        kind = self._expected_kind(hit)
         if self.summary["outcome_kind"] != kind:
             yield f"outcome: {self.summary['outcome_kind']} where the files say {kind}"
         tension = self.design["tension_max"]
@@ -145,12 +142,20 @@ class _MovingLine:
         for x in hit:
             over = x["quantity"].partition(":")[2].rpartition(" over ")[2]  # the name alone of what the rope hits
             parts.append(f"hits {over} by {-x['value']:.2f} m")
-        if complete:
+        if self.summary["status"] == "complete":
             parts += self._expected_end_sentences()
             yield from self._early_end_faults()
         for part in parts:
             if part not in self.summary["outcome"]:
                 yield f"outcome: {self.summary['outcome']!r} does not say {part!r}"
+
+    def _expected_kind(self, hit: Sequence[Row]) -> str:
+        """The kind of outcome that numbers say, the first that holds, else that of the end."""
+        if self.summary["status"] != "complete":
+            return "incomplete"
+        if "safety_factor_min" in self.design and _upper_end_of_bar(self.design["safety_factor_min"]) < 1.0:
+            return "breaks"
+        return "collides" if hit else self._expected_end_kind()
 
     def _expected_end_kind(self) -> str:
         """The kind of outcome by the last event, or by who still rolls without one."""
