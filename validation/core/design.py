@@ -318,17 +318,17 @@ def _number_of_extreme(signal: Signal, ladder: Ladder) -> Number | None:
     if quantity in DEPTHS and _is_at_boundary(extreme, r, signal.time_span):
         return None
     bar = _bar_of_extreme(signal, extreme, signal.period, ladder, FIRST if signal.period else math.inf)
-    where: dict[str, float | None] = {"t": extreme.t, "s": extreme.s}
-    where["s_o"] = float(np.interp(extreme.t, r.t, r.s_o))
-    where["x"] = float(np.interp(extreme.s, r.fields.s, r.fields.x))
+    s_o = float(np.interp(extreme.t, r.t, r.s_o))
+    x = float(np.interp(extreme.s, r.fields.s, r.fields.x))
+    peak: dict[str, float | None] = {}
     if unit == "N":
         raw = signal._replace(period=0.0)
         bar_peak = math.inf
         # coarser runs of a rule that damps axial waves do not show their error
         if ladder.runs[1:] and not scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps:
             bar_peak = _bar_of_extreme(raw, extreme, signal.period, ladder, FIRST)
-        where |= {"peak": raw.extreme_value_or_nan(r), "bar_peak": nulls_for_nonfinite(bar_peak)}
-    return _design_row(quantity, extreme.value, bar, unit, **where)
+        peak = {"peak": raw.extreme_value_or_nan(r), "bar_peak": nulls_for_nonfinite(bar_peak)}
+    return _design_row(quantity, extreme.value, bar, unit, t=extreme.t, s=extreme.s, s_o=s_o, x=x, **peak)
 
 
 def _bar_of_extreme(signal: Signal, extreme: _Extreme, period: float, ladder: Ladder, order: float) -> float:
@@ -474,10 +474,9 @@ def _slack_onset_number(ladder: Ladder, other: Response | None) -> Number | None
     step = float(np.diff(r.s_o).max()) / r.length
     bar = ladder.bar(onset_or_nan, max_distance, FIRST) + step
     s_o = onset * r.length
-    where: dict[str, float | None] = {"s_o": s_o}
-    where["t"] = float(np.interp(s_o, r.s_o, r.t))
+    t = float(np.interp(s_o, r.s_o, r.t))
+    s = x = None
     if r.slack_at is not None:
         s = r.slack_at * r.length
-        where["s"] = s
-        where["x"] = float(np.interp(s, r.fields.s, r.fields.x))
-    return _design_row("slack_onset", onset, bar, "s_o/l", **where)
+        x = float(np.interp(s, r.fields.s, r.fields.x))
+    return _design_row("slack_onset", onset, bar, "s_o/l", t=t, s_o=s_o, s=s, x=x)

@@ -317,12 +317,13 @@ class Evidence:
         friction, brakes = self.rolling_friction_and_brake_force
         x = np.minimum(r.t / release, 1.0) if release else np.ones(r.t.size)
         holding_force = (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x)
-        powers = {"thrust" if r.drive == "free" else "haul": self.thrust_or_haul_force * along}
-        powers["friction"] = -friction * stretch * speed
-        powers["brake"] = -brakes * stretch * speed
-        powers["drag"] = np.sum(self.air_drag_force * r.velocity, axis=1)
-        powers["hold"] = holding_force * self.travel_speed
-        return powers
+        return {
+            "thrust" if r.drive == "free" else "haul": self.thrust_or_haul_force * along,
+            "friction": -friction * stretch * speed,
+            "brake": -brakes * stretch * speed,
+            "drag": np.sum(self.air_drag_force * r.velocity, axis=1),
+            "hold": holding_force * self.travel_speed,
+        }
 
 
 def _array_fields(x: Any) -> dict[str, Array]:

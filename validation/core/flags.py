@@ -108,10 +108,7 @@ def _slow_wave_and_compression_flags(r: Response, scene: Scene, method: Method) 
             continue
         worst = steps[margin[steps].argmin()]
         first = steps[0]
-        numbers = {
-            "least": float(N[worst] / r.horizontal_tension),
-            "since": float(r.s_o[first] / r.length),
-            "at": float(r.tension_min_at[first] / r.length),
-        }
-        flags.append(make_flag(kind, **numbers))
+        least = float(N[worst] / r.horizontal_tension)
+        since = float(r.s_o[first] / r.length)
+        flags.append(make_flag(kind, least=least, since=since, at=float(r.tension_min_at[first] / r.length)))
     return flags

@@ -454,11 +454,11 @@ def faults_of_line_files(folder: Path, motion: Any, design: Sequence[dict[str, A
 
 def _expected_columns_of_car(car: Any, motion: Any) -> dict[str, Array]:
     """Columns (n,) of a car's file."""
-    columns = {"t": motion.t, "s_o": car.s, "F_contact": car.contact_force, "F_haul": car.haul_force}
-    columns["x"], columns["y"] = car.point.T
-    columns["T_behind"] = car.tension_behind
-    columns["T_ahead"] = car.tension_ahead
-    columns["speed"] = np.hypot(*car.velocity.T)
+    x, y = car.point.T
+    columns = {
+        "t": motion.t, "s_o": car.s, "x": x, "y": y, "F_contact": car.contact_force, "F_haul": car.haul_force,
+        "T_behind": car.tension_behind, "T_ahead": car.tension_ahead, "speed": np.hypot(*car.velocity.T),
+    }  # fmt: skip
     if car.shoe_force.any():
         columns["F_shoe"] = car.shoe_force
     if car.turning is not None:

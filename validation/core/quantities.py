@@ -26,17 +26,12 @@ def key_numbers(design: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def design_row_texts(number: dict[str, Any]) -> dict[str, str]:
     """The columns of a row of `design` as texts; "" where unknown."""
     what = quantity_words(number["quantity"])
-    value = number["value"]
-    bar = number.get("bar")
-    unit = number["unit"]
-    if value is None:
-        return {"what": what, "value": "the car never passes", "t": "", "mass": "", "at": ""}
-    text = quantity_text(value, bar, unit)
     if number.get("more"):
         what += f" ({number['more']} more, larger)"
+    value = number["value"]
     return {
         "what": what,
-        "value": text,
+        "value": "the car never passes" if value is None else quantity_text(value, number.get("bar"), number["unit"]),
         "t": _entry_with_unit(number, "t", ".4g", "s"),
         "mass": _entry_with_unit(number, "s_o", ".1f", "m"),
         "at": _entry_with_unit(number, "s", ".1f", "m"),

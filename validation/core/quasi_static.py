@@ -53,16 +53,15 @@ def quasi_static(scene: Scene) -> Response:
     begin = time.perf_counter()
     travel = _car_kinematics(scene)
     statics = Statics(scene.groups, None if scene.ride is None else scene.ride.path.rest)
-    fields = scene_and_path_in_si(scene, travel.t, travel.s_o, statics.displacement_of_car(travel.s_o))
-    fields |= {"method": "quasi-static", "model": "quasi-static", "load": "mass", "law": "elastic", "settings": {}}
-    fields |= dict.fromkeys(("reason", "slack_onset", "slack_at", "switched"))
-    fields["events"] = free_ride_events(scene)
-    fields["n_dof"] = 0
     work = dict.fromkeys(("rejected", "newton_iterations", "factorisations", "residuals"), 0)
-    fields["work"] = {"steps": travel.t.size - 1, **work}
     observe = partial(_observed_fields, scene, statics, travel)
     later = computed_when_looked_at(observe, [name for name in OBSERVED if name != "events"])
-    return Response(**fields, later=later, seconds=time.perf_counter() - begin)
+    return Response(
+        **scene_and_path_in_si(scene, travel.t, travel.s_o, statics.displacement_of_car(travel.s_o)),
+        method="quasi-static", model="quasi-static", load="mass", law="elastic", settings={}, reason=None,
+        slack_onset=None, slack_at=None, switched=None, events=free_ride_events(scene), n_dof=0,
+        work={"steps": travel.t.size - 1, **work}, later=later, seconds=time.perf_counter() - begin,
+    )  # fmt: skip
 
 
 def _observed_fields(scene: Scene, statics: Statics, travel: CarKinematics) -> dict[str, Any]:

@@ -239,11 +239,12 @@ def _signals_by_kind(r: Response, data: OneSpanData) -> dict[str, Signals]:
         size = np.hypot(horizontal, vertical)
         s_support = np.full(r.t.shape, s)
         tensions.append(SignalOverTime(r.t, size, s_support))
-        components = {"": size, "_horizontal": horizontal, "_vertical": vertical}
+        components = {
+            f"reaction_{side}": size, f"reaction_{side}_horizontal": horizontal, f"reaction_{side}_vertical": vertical,
+            f"angle_{side}": np.degrees(np.arcsin(vertical / size)),
+        }  # fmt: skip
         for name, values in components.items():
-            signals[f"reaction_{side}{name}"] = [SignalOverTime(r.t, values, s_support)]
-        angle = np.degrees(np.arcsin(vertical / size))
-        signals[f"angle_{side}"] = [SignalOverTime(r.t, angle, s_support)]
+            signals[name] = [SignalOverTime(r.t, values, s_support)]
     wheels = data.scene["mass"].get("wheels", {})
     for N in (r.T_behind, r.T_ahead) if wheels else ():
         load = at_steps["contact"] / wheels.get("count", 2)
@@ -258,15 +259,13 @@ def _signals_at_car(r: Response, data: OneSpanData) -> dict[str, Array]:
     """Signals (n,) of the car at steps, and the tilt of the wind."""
     tilt = math.degrees(math.atan(data.crosswind_force() / (data.rho * data.gravity)))
     driving = "thrust" if r.drive == "free" else "haul_force"
-    speed = r.speed
-    signals = {"wind_tilt": np.full(r.t.shape, tilt), "contact": r.F_contact, "speed": speed}
-    signals[driving] = np.abs(r.F_haul)
-    signals[f"{driving}_min"] = r.F_haul
-    signals["mass_deflection"] = r.v
-    signals["mass_deepest"] = r.y
-    signals["sag_car"] = r.y - r.x * data.drop / data.span
+    signals = {
+        "wind_tilt": np.full(r.t.shape, tilt), "contact": r.F_contact, "speed": r.speed, driving: np.abs(r.F_haul),
+        f"{driving}_min": r.F_haul, "mass_deflection": r.v, "mass_deepest": r.y,
+        "sag_car": r.y - r.x * data.drop / data.span,
+    }  # fmt: skip
     if r.drive == "free":
-        along = r.velocity / np.where(speed > 0.0, speed, math.inf)[:, None]
+        along = r.velocity / np.where(r.speed > 0.0, r.speed, math.inf)[:, None]
         signals["car_deceleration"] = -np.sum(along * r.acceleration, axis=1)
     return signals
 

@@ -89,12 +89,11 @@ def scene_and_path_in_si(scene: Scene, t: Array, position: Array, w: Array) -> d
     l = scene.length
     s_o = l * position
     u, v = l * w.T
-    fields: dict[str, Any] = {"scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.drive.mode}
-    fields |= {"length": l, "horizontal_tension": scene.horizontal_tension}
-    fields |= {"t": scene.time_scale * t, "s_o": s_o, "u": u, "v": v}
-    fields["x"] = scene.catenary.x(s_o) + u
-    fields["y"] = scene.catenary.y(s_o) + v
-    return fields
+    return {
+        "scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.drive.mode, "length": l,
+        "horizontal_tension": scene.horizontal_tension, "t": scene.time_scale * t, "s_o": s_o, "u": u, "v": v,
+        "x": scene.catenary.x(s_o) + u, "y": scene.catenary.y(s_o) + v,
+    }  # fmt: skip
 
 
 def _slack_onset_within(history: History, states: States) -> Onset | None:
