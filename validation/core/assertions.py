@@ -204,18 +204,17 @@ def _window_text(window: Window, a: OneSpan, b: OneSpan) -> str:
 
 def _path_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
     x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.with_zero_u_and_x, (a, b))
-    gap, rms, where = measures.relative_path_gap(x, y, window)
-    paths = measures.relative_path_distances(x, y, window)
+    gap = measures.relative_path_gap(x, y, window)
     why = [f"relative to {b.path_scale_name} {b.path_scale:.4g} m"]
-    beyond = paths.position[paths.distance > allowed]
+    beyond = gap.positions[gap.distances > allowed]
     if beyond.size:
         why.append(f"they part from s_o/l = {beyond[0]:.3f} on")
-    why += [f"rms gap {rms:.3g}", f"over {_window_text(window, a, b)}"]
+    why += [f"rms gap {gap.rms:.3g}", f"over {_window_text(window, a, b)}"]
     for r in (a, b):
         if isinstance(r, Response) and r.path_error is not None:
             why.append(f"error bar of {r.method} {r.path_error:.2g}")
     bound = Bound("asked for", (BoundPart("path", allowed),), "; ".join(why))
-    return Agreement("path_max", gap, bound, where)
+    return Agreement("path_max", gap.largest, bound, gap.position)
 
 
 def _tension_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:

@@ -23,20 +23,26 @@ Window = tuple[float, float]
 Series = Callable[[Response], Array]  # (n,) or (n, c) of a run's steps
 
 
-class PathDistances(NamedTuple):
+class PathGap(NamedTuple):
     """At steps (n,): time [s], s_o/l, and the distance of two paths over the scale of the second."""
 
     t: Array
-    position: Array
-    distance: Array
+    positions: Array
+    distances: Array
 
+    @property
+    def largest(self) -> float:
+        return float(self.distances.max())
 
-class PathGap(NamedTuple):
-    """Distances of two paths over the scale of the second: largest, rms over time, and s_o/l of the largest."""
+    @property
+    def rms(self) -> float:
+        """Over time."""
+        return float(np.sqrt(_time_mean(self.t, self.distances**2)))
 
-    largest: float
-    rms: float
-    position: float
+    @property
+    def position(self) -> float:
+        """s_o/l of the largest."""
+        return float(self.positions[self.distances.argmax()])
 
 
 class CommonFrames(NamedTuple):
@@ -130,7 +136,7 @@ def steps_in_window(r: MassPath, window: Window) -> NDArray[np.bool_]:
     return (position >= window[0]) & (position <= window[1] * (1.0 + 1e-12))
 
 
-def relative_path_distances(a: MassPath, b: MassPath, window: Window) -> PathDistances:
+def relative_path_gap(a: MassPath, b: MassPath, window: Window) -> PathGap:
     """Distances of the paths over b's `path_scale`, at the steps in the window of the run with fewer.
 
     Displacements are compared; of a free ride the points x, y.  Raises NotComparable where there are few steps.
@@ -147,14 +153,7 @@ def relative_path_distances(a: MassPath, b: MassPath, window: Window) -> PathDis
     gap = first - _piecewise_spline(fine.t, second, (), np.clip(coarse.t, fine.t[0], fine.t[-1]))
     dx, dy = gap[within].T / b.path_scale
     position = coarse.s_o[within] / coarse.length
-    return PathDistances(coarse.t[within], position, np.hypot(dx, dy))
-
-
-def relative_path_gap(a: MassPath, b: MassPath, window: Window) -> PathGap:
-    """The largest of `relative_path_distances`, their rms over time, and the s_o/l of the largest."""
-    t, position, distance = relative_path_distances(a, b, window)
-    rms = float(np.sqrt(_time_mean(t, distance**2)))
-    return PathGap(float(distance.max()), rms, float(position[distance.argmax()]))
+    return PathGap(coarse.t[within], position, np.hypot(dx, dy))
 
 
 def _time_mean(t: Array, values: Array) -> float:

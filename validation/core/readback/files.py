@@ -122,11 +122,6 @@ def car_points_at_frames(run: Run) -> Array:
     return rest_curve(run["fields.s_o"]) + displacement
 
 
-def larger_extent_at_rest(run: Run) -> float:
-    """The larger [m] of width and height of the rope at rest."""
-    return float(max(np.ptp(run["fields.x"]), np.ptp(run["fields.y"])))
-
-
 def _summary_json_faults(file: Path, run: Run) -> Faults:
     """Numbers of summary.json that follow from the path; all others are as they are stored."""
     written = read_json(file)

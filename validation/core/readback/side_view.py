@@ -5,13 +5,13 @@ from __future__ import annotations
 import base64
 import json
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from validation.core.readback.files import car_points_at_frames, larger_extent_at_rest, path_csv_columns
+from validation.core.readback.files import car_points_at_frames, path_csv_columns
 from validation.core.readback.stored import Faults, Row, Run, StoredResults
 from validation.core.readback.texts import contents_of_tags
 from validation.core.scene_data import Array, conversion_factor_or_nan, series_faults
@@ -91,7 +91,7 @@ def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], stored: Sto
     for name in ("u", "v", "T"):
         yield from _packed_series_faults(name, cable[name], run[f"fields.{name}"][:, stations])
     of_car = _drawn_series_of_car(run)
-    of_points = 1e-4 * larger_extent_at_rest(run)
+    of_points = 1e-4 * max(np.ptp(run["fields.x"]), np.ptp(run["fields.y"]))
     for name, values in of_car.items():
         yield from _packed_series_faults(name, drawn[name], values, of_points if name in ("x", "y") else 0.0)
     yield from _readout_faults(drawn, _series_beside_car(run, of_car))
@@ -151,59 +151,40 @@ def _unpack_series(part: dict[str, Any]) -> Array:
     return part["low"] + (part["high"] - part["low"]) / PACKED * steps
 
 
-class RopeGrid(NamedTuple):
-    """Steps (n,) and stations (m,) of a line in motion that are written and drawn, and the series (n, m) there."""
-
-    steps: NDArray[np.intp]
-    series: dict[str, Array]
-
-
 @damaged_files_are_faults
 def rope_csv_and_side_view_faults(html_text: str, folder: Path, motion: Any) -> Faults:
     """Faults of rope.csv, and of the side view of a line in motion; motion : a `cablefem.motion.LineMotion`."""
     rope = read_csv_columns(folder / "rope.csv")
-    grid = _rope_grid(motion, np.unique(rope["t"]), np.unique(rope["s"]))
-    for name, values in grid.series.items():
+    steps = np.searchsorted(motion.t, np.unique(rope["t"]) - 1e-9 * motion.t[-1])  # that are written and drawn
+    stations = np.searchsorted(motion.s, np.unique(rope["s"]) - 1e-9 * motion.s[-1])
+    at = np.ix_(steps, stations)
+    T = motion.tension[at]  # (n, m)
+    x, y = np.moveaxis(motion.points[at], 2, 0)
+    t = np.broadcast_to(motion.t[steps, None], T.shape)
+    series = {"t": t, "s": np.broadcast_to(motion.s[stations], T.shape), "x": x, "y": y, "T": T}
+    for name, values in series.items():
         for fault in series_faults(name, rope[name], values.ravel()):
             yield f"rope.csv: {fault}"
     if not np.allclose(rope["t"][[0, -1]], motion.t[[0, -1]], rtol=1e-9, atol=0.0):
         yield "rope.csv ends before the run does"
     for data in contents_of_tags('script type="application/json"', html_text):
         cable = json.loads(data)["cables"][0]
-        for fault in _drawn_rope_and_car_faults(cable, grid, folder, motion):
+        for fault in _drawn_rope_faults(cable, series):
             yield f"side view: {fault}"
+        for car in motion.cars:
+            drawn = next(x for x in cable["touching"] if x["name"] == car.name)
+            path = read_csv_columns(folder / f"path-{car.name}.csv")
+            for fault in _drawn_car_faults(drawn, car, steps, path):
+                yield f"side view: {car.name}: {fault}"
 
 
-def _rope_grid(motion: Any, t: Array, s: Array) -> RopeGrid:
-    """The grid of a line's motion at times t (n,) and positions s (m,), up to their rounding."""
-    steps = np.searchsorted(motion.t, t - 1e-9 * motion.t[-1])
-    stations = np.searchsorted(motion.s, s - 1e-9 * motion.s[-1])
-    at = np.ix_(steps, stations)
-    T = motion.tension[at]
-    points = motion.points[at]  # (n, m, 2)
-    series = {
-        "t": np.broadcast_to(motion.t[steps, None], T.shape),
-        "s": np.broadcast_to(motion.s[stations], T.shape),
-        "x": points[..., 0],
-        "y": points[..., 1],
-        "T": T,
-    }
-    return RopeGrid(steps, series)
-
-
-def _drawn_rope_and_car_faults(cable: dict[str, Any], grid: RopeGrid, folder: Path, motion: Any) -> Faults:
-    """Faults of the packed rope and cars of a line in motion."""
-    on_rope = np.isfinite(grid.series["T"]).ravel()
+def _drawn_rope_faults(cable: dict[str, Any], series: dict[str, Array]) -> Faults:
+    """Faults of the packed rope of a line in motion."""
+    on_rope = np.isfinite(series["T"]).ravel()
     for name, column in (("u", "x"), ("v", "y"), ("T", "T")):
         shown = _unpack_series(cable[name])[on_rope]
-        computed = grid.series[column].ravel()[on_rope]
-        yield from series_faults(name, shown, computed, 1.0, _packing_rounding(cable[name]))
-    yield from _packed_series_faults("t", cable["t"], grid.series["t"][:, 0])
-    for car in motion.cars:
-        drawn = next(x for x in cable["touching"] if x["name"] == car.name)
-        path = read_csv_columns(folder / f"path-{car.name}.csv")
-        for fault in _drawn_car_faults(drawn, car, grid.steps, path):
-            yield f"{car.name}: {fault}"
+        yield from series_faults(name, shown, series[column].ravel()[on_rope], 1.0, _packing_rounding(cable[name]))
+    yield from _packed_series_faults("t", cable["t"], series["t"][:, 0])
 
 
 def _drawn_car_faults(drawn: dict[str, Any], car: Any, steps: NDArray[np.intp], path: dict[str, Array]) -> Faults:
