@@ -7,8 +7,6 @@ Of a piece of unstretched length S with the force (H, P) at its left end, P1 = P
 (Irvine, Cable Structures, 1981).  Defects are over the reach of the line or over its largest tension.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

@@ -3,8 +3,6 @@
 A body turns by the pitch of its wheel line, or by the swing of its cabin backward; `e` is its x axis and c its centre.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

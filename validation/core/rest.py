@@ -7,8 +7,6 @@ n is the force in the cable, N its size, T(s) the tension of the empty cable at 
 Both forces are searched together.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """One run of one method on one scene, to a Response in SI."""
 
-from __future__ import annotations
-
 import bisect
 import math
 import time

@@ -8,8 +8,6 @@ Bending of the rope under the load Q of a wheel, sigma = (Q/A) sqrt(E/(N/A)): Is
 A wheel of radius R bends wires of diameter delta by no more than E delta/(2 R).
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Files of a run against its stored fields."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

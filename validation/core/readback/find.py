@@ -1,7 +1,5 @@
 """The answer to an inverse question, its page and its files."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import math

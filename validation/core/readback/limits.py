@@ -1,7 +1,5 @@
 """Verdicts on limits, from the design numbers and the TOML."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import NamedTuple

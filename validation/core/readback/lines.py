@@ -1,7 +1,5 @@
 """What a command printed of a line, and what its outcome says of the motion."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """Pages of a run or a check."""
 
-from __future__ import annotations
-
 import json
 import re
 

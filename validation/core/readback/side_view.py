@@ -1,7 +1,5 @@
 """The side view of a page against the stored path and fields."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path

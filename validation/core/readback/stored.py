@@ -1,7 +1,5 @@
 """What a run or a check stored, as what reads it back sees it."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, cached_property

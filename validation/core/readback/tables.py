@@ -1,7 +1,5 @@
 """Tables of a page against the stored JSON files."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """What a run or a check printed."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Numbers and words in printed text."""
 
-from __future__ import annotations
-
 import html
 import math
 import re

@@ -1,7 +1,5 @@
 """The verification table from the comparison of both solvers and three resolutions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
