@@ -101,8 +101,7 @@ def test_a_cabin_that_does_not_swing_over_the_tower_is_seen():
 
 def test_many_steps_at_once_on_a_shoe_are_the_single_ones():
     runs = line_runs(ELEMENTS, "hauled")
-    march = runs._march_one_system(ELEMENTS.system(runs.line, 2), None, runs.grid, Work())
-    fast, start = march.following
+    _, (fast, start), _ = runs._march_one_system(ELEMENTS.system(runs.line, 2), None, runs.grid, Work())
     slow = LineElements(fast.line, elements=2)
     slow.many_steps = False
     slow.set_travel_directions(start.phase)

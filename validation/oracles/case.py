@@ -116,15 +116,6 @@ class Crossing(Case):
     orders: Mapping[str, float] = field(default_factory=dict)  # exceptions, by method
 
     @property
-    def position_window(self) -> tuple[float, float]:
-        return max(WINDOW[0], self.start_position), self.until
-
-    @property
-    def prescribed_motion(self) -> Motion:
-        assert self.groups.motion is not None
-        return self.groups.motion
-
-    @property
     def run_arguments(self) -> dict[str, Any]:
         on_cable = self.start_position > 0.0
         return {"model": self.model, "load": self.load, "until": self.until, "starts_on_cable": on_cable}
@@ -143,7 +134,8 @@ class Crossing(Case):
 
     @property
     def largest_exact_displacement(self) -> float:
-        motion = self.prescribed_motion
+        motion = self.groups.motion
+        assert motion is not None
         t = np.linspace(0.0, motion.end_time, 2001)
         t = t[motion.position(t) <= self.until]
         return float(np.abs(self.exact(t)).max())
@@ -158,8 +150,7 @@ class Crossing(Case):
         return float(np.sqrt(np.mean(distance**2)))
 
     def _relative_displacement_errors(self, path: Path, exact: Callable[[Array], Array]) -> Array:
-        low, high = self.position_window
-        inside = (path.s_o >= low) & (path.s_o <= high)
+        inside = (path.s_o >= max(WINDOW[0], self.start_position)) & (path.s_o <= self.until)
         error = path.v[inside] - exact(path.t[inside])
         return error / self.largest_exact_displacement
 

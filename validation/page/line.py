@@ -125,8 +125,7 @@ def _column_heading(name: str) -> str:
     which = "smallest " if name.partition(":")[0].endswith("_min") else "largest "
     if kind in ("tension_max", "safety_factor"):
         which = ""
-    heading = which + line_quantity_words(name)
-    return f"{heading} [{unit}]" if unit else heading
+    return f"{which}{line_quantity_words(name)} [{unit}]".removesuffix(" []")
 
 
 def rest_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:

@@ -162,7 +162,7 @@ def grid_points_from_options(
             changed = scene.replace(changes) if changes else scene
             out.append(GridPoint(values, changed, settings))
         except (SceneError, ValueError) as error:
-            faults += _faults_with_source(source, error)
+            faults += [f"{source}: {fault}" for fault in getattr(error, "faults", [str(error)])]
     if faults:
         raise store.Refused(list(dict.fromkeys(faults)))
     _print_notes_on_changes(scene, [point.scene for point in out])
@@ -185,12 +185,6 @@ def _print_notes_on_changes(scene: Scene | Line, changed: Sequence[Scene | Line]
     for note in notes:
         if note not in scene.notes:
             terminal.print_text(f"{scene.name}: {note}")
-
-
-def _faults_with_source(source: str, error: Exception) -> list[str]:
-    """Faults of a scene, or of a value, each after the option that gave it."""
-    faults = getattr(error, "faults", [str(error)])
-    return [f"{source}: {fault}" for fault in faults]
 
 
 def line_points_from_options(

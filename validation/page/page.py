@@ -60,18 +60,13 @@ def write_page(title: str, sections: Sequence[Section], out_file: Path) -> None:
     scripts = dict.fromkeys(name for s in sections for name in s.scripts)
 
     content: Content = {"title": title, "sections": sections, "judged": judged}
-    content["contents"] = _sections_by_command(sections if len(judged) < 2 else others)
+    contents: dict[str, list[Section]] = {}  # by command, in the order of their first ones
+    for section in sections if len(judged) < 2 else others:
+        contents.setdefault(section.command, []).append(section)
+    content["contents"] = contents
     content["css"] = Markup(read_asset("page.css"))
     content["scripts"] = [Markup(read_asset(name)) for name in ("page.js", *scripts)]
     write_text(out_file, render_template("page.html", **content))
-
-
-def _sections_by_command(sections: Iterable[Section]) -> dict[str, list[Section]]:
-    """Sections of each command, in the order of their first ones."""
-    out: dict[str, list[Section]] = {}
-    for section in sections:
-        out.setdefault(section.command, []).append(section)
-    return out
 
 
 def render_sections(package: str, file: str = "page.html", /, **content: Any) -> list[Section]:

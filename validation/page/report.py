@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -99,23 +98,12 @@ def claim_and_list_missing_parts(root: Path, parts: Sequence[Part]) -> list[Part
     if set(store.commands_on_latest_scene(root)) - {"report"}:
         return []
     store.claim_and_clear_folder(root, "report", "report", ["report.html"])
-    return [part for part in parts if not store.is_finished(root / _folder_name_of_part(part), part[0])]
-
-
-@contextmanager
-def commands_write_below(root: Path) -> Iterator[None]:
-    """Let commands in the `with` block write to folders in `root`."""
-    before = store.ROOT
-    store.ROOT = root
-    try:
-        yield
-    finally:
-        store.ROOT = before
+    return [part for part in parts if not store.is_finished(root / folder_name_of_part(part), part[0])]
 
 
 def section_of_broken_part(part: Part, faults: Sequence[str]) -> Section:
     """The page of a part that ended without a result."""
-    id = _id_of_broken_part(_folder_name_of_part(part), part[0])
+    id = _id_of_broken_part(folder_name_of_part(part), part[0])
     title = f"cablefem {' '.join(part)}"
     reason = callout("; ".join(faults), "disagree")
     return Section(id, title, reason, "disagree", "It ended without a result.")
@@ -143,28 +131,25 @@ def write_and_print_combined_report(root: Path, parts: Sequence[Part], broken: S
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.write_page("cablefem", sections, root / "report.html")
-    _print_left_out([result for result in results if result not in finished], {section.id for section in broken})
+    said = {section.id for section in broken}
+    for command, folder in results:
+        said_already = _id_of_broken_part(folder.name, command) in said
+        if (command, folder) not in finished and command != "report" and not said_already:
+            terminal.print_text(f"{folder} is left out: cablefem {command} did not finish there")
     print_findings(sections)
     terminal.print_text(f"written to {root}: report.html")
     return sections
 
 
-def _print_left_out(unfinished: Sequence[tuple[str, Path]], broken_ids: Collection[str]) -> None:
-    """Name results that did not finish; broken_ids : of sections that say so already."""
-    for command, folder in unfinished:
-        if command != "report" and _id_of_broken_part(folder.name, command) not in broken_ids:
-            terminal.print_text(f"{folder} is left out: cablefem {command} did not finish there")
-
-
 def _results_these_parts_first(root: Path, parts: Sequence[Part]) -> list[tuple[str, Path]]:
     """Commands with results in a folder and its subfolders, finished or not, and their folders."""
-    rank = {(part[0], _folder_name_of_part(part)): i for i, part in enumerate(parts)}
+    rank = {(part[0], folder_name_of_part(part)): i for i, part in enumerate(parts)}
     folders = [root, *sorted(root.glob("*/"))]
     results = [(command, folder) for folder in folders for command in store.commands_on_latest_scene(folder)]
     return sorted(results, key=lambda result: rank.get((result[0], result[1].name), len(rank)))
 
 
-def _folder_name_of_part(part: Part) -> str:
+def folder_name_of_part(part: Part) -> str:
     """Name of the folder of its results: its scene's, or its own."""
     command, *arguments = part
     if arguments and not arguments[0].startswith("-"):

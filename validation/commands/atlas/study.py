@@ -71,7 +71,7 @@ def atlas(
     verdict of the result : whether every failure of the catalogue shows, and its remedy works.
     """
     if quick:
-        maps = [_with_every_fifth_value(m) for m in maps]
+        maps = [m | {axis: m[axis] | {"values": m[axis]["values"][1::5]} for axis in "xy"} for m in maps]
         rows = rows[::5]
     jobs = _jobs_by_key(maps, rows)
     results = store.compute_and_store_missing(out / CELLS, jobs, lambda job: job(), partial(progress, "atlas"))
@@ -92,10 +92,6 @@ def atlas(
     content |= {"good": MAPS["good"], "wrong": MAPS["wrong"], "cells": cells_of_maps, "catalogue": catalogue_rows}
     write_json(out / RESULT, content)
     return content
-
-
-def _with_every_fifth_value(m: Map) -> Map:
-    return m | {axis: m[axis] | {"values": m[axis]["values"][1::5]} for axis in "xy"}
 
 
 def _jobs_by_key(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Callable[[], Any]]:

@@ -1,7 +1,7 @@
 """Shared parts of both solvers against third parties: `check --deep`."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -76,22 +76,26 @@ def _time_driver_against_scipy_row(scene: Scene, elements: Ladder) -> Agreement 
     system: Any = method.build(scene.groups, settings, model="full", load="mass", law="elastic")
     scheme = newmark.scheme("trapezoidal")
     states = newmark.integrate(system, scheme, newmark.step_times_by_phase(system, settings["steps"]))
-    first = _first_state_or_last(states, lambda x: system.position(x) >= begin)
+    first = next((x for x in states if system.position(x) >= begin), None)
+    if first is None:
+        return None
     t0 = first.t
     t1 = system.phases[first.phase][1]
     t1 = min(t1, t0 + part * min(system.phases[-1][1], scene.groups.drive.nominal))
     if not t1 > t0:
         return None
 
-    def march(n: int) -> tuple[State, int]:
+    def march(n: int) -> State | None:
+        """The state at t1; None where an event or the end of the motion comes before it."""
         work = Work()
         grid = [np.linspace(t0, t1, n + 1)] * len(system.phases)
-        x = _first_state_or_last(newmark.integrate(system, scheme, grid, work=work, start=first), lambda x: x.t >= t1)
-        return x, len(work.events)
+        states = newmark.integrate(system, scheme, grid, work=work, start=first)
+        end = next((x for x in states if x.t >= t1), None)
+        return None if work.events else end
 
-    fine, events = march(steps)
-    coarse, _ = march(steps // 2)
-    if events or fine.t < t1:
+    fine = march(steps)
+    coarse = march(steps // 2)
+    if fine is None or coarse is None:
         return None
     n = system.n_dof
     zero = np.zeros(system.n_dof)
@@ -110,16 +114,6 @@ def _time_driver_against_scipy_row(scene: Scene, elements: Ladder) -> Agreement 
     return _row_with_error_bars(
         gap, BoundPart("driver", SAFETY * change, "the change from half the steps"), BoundPart("scipy", ROUNDING)
     )
-
-
-def _first_state_or_last(states: Iterable[State], wanted: Callable[[State], bool]) -> State:
-    """The first state that is wanted, or the last of all."""
-    state = None
-    for state in states:
-        if wanted(state):
-            break
-    assert state is not None
-    return state
 
 
 def _path_against_degree_4_row(scene: Scene, elements: Ladder) -> Agreement:

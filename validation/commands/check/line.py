@@ -33,13 +33,12 @@ from validation.core import line_laws, store
 from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, BoundPart, no_bound
 from validation.core.order import FIRST, error_bar
 from validation.page import line as page
-from validation.page.options import GridPoint, tolerance_faults
+from validation.page.options import tolerance_faults
 
 FINEST = 32  # elements on each piece, at most
 ROUNDING = 256 * np.finfo(float).eps  # of the reach for lengths, of EA for forces
 TOL = 1e-6  # [m], and of the largest tension
 TOL_RANGE = (1e-9, 1e-2)
-SECOND = "elements"  # solver that a planted fault is for
 METRES = ("place", "rope_place", "s", "rope_length")  # quantities in metres; the others are forces
 
 
@@ -227,7 +226,10 @@ def check_line(
 
     tol : [m];  tol_tension : of the largest tension, default `tol`;  second : a line for the elements alone.
     """
-    refuse_tolerances_out_of_range(tol, tol_tension)
+    faults = tolerance_faults(tol, "--tol in m", *TOL_RANGE)
+    faults += tolerance_faults(tol_tension, "--tol-tension", *TOL_RANGE)
+    if faults:
+        raise store.Refused([f"{fault}, of a line at rest" for fault in faults])
     tol_tension = tol if tol_tension is None else tol_tension
     checked = line
     line = with_added_positions(line)
@@ -277,31 +279,3 @@ def detectable_input_changes(result: RestAnswers) -> dict[str, float]:
         return {(row.quantity, row.law): row.gap for row in rows}
 
     return sensitivities.detectable_input_changes_by_gaps(line, result.rows, gaps_to)
-
-
-def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> None:
-    """Refuse tolerances out of range."""
-    faults = [
-        *tolerance_faults(tol, "--tol in m", *TOL_RANGE),
-        *tolerance_faults(tol_tension, "--tol-tension", *TOL_RANGE),
-    ]
-    if faults:
-        raise store.Refused([f"{fault}, of a line at rest" for fault in faults])
-
-
-def refuse_unlike_second_line(points: Sequence[GridPoint], second: Line | None) -> None:
-    """Refuse a second line that is another one."""
-    if second is None:
-        return
-    kinds = _contacts_then_shoes_by_position(second)
-    if any(_contacts_then_shoes_by_position(point.scene) != kinds for point in points):
-        raise store.Refused("--second: must be a line with the same contacts, cars and positions")
-
-
-def _contacts_then_shoes_by_position(line: Line) -> list[tuple[str, ...]]:
-    """Names and kinds of contacts, then of each car its name and the shoe that it is on at every position."""
-    out = [tuple(f"{c.name} {c.kind}" for c in line.contact)]
-    for car in line.car:
-        shoes = [line.saddle_with_shoe_at(line.position_of(car, i)) for i in range(line.position_count)]
-        out.append((car.name, *(shoe.name if shoe else "" for shoe in shoes)))
-    return out

@@ -32,10 +32,9 @@ from validation.core.motion_rows import (
     law_row,
 )
 from validation.core.sidebyside import Progress, no_progress
-from validation.page.options import GridPoint, tolerance_faults
+from validation.page.options import tolerance_faults
 
 TOL = DEFAULT_TOL
-SECOND = SINES.name  # solver that a planted fault is for
 
 
 def reference_scales(line: Line, run: LineRun) -> Scales:
@@ -82,7 +81,8 @@ def check_line(
     tol : of the path, over its largest deflection;  tol_tension : of forces, default 10 tol.
     second : a line for the sines alone;  report : is called with the part of the runs that is done.
     """
-    refuse_tolerances_out_of_range(tol, tol_tension)
+    if faults := [*tolerance_faults(tol), *tolerance_faults(tol_tension, "--tol-tension", 1e-6, 1.0)]:
+        raise store.Refused(faults)
     asked = LineTolerance(tol, FORCES * tol if tol_tension is None else tol_tension)
     first = LineRuns(ELEMENTS, line)
     both = first, LineRuns(SINES, second or line, first)
@@ -139,22 +139,3 @@ def detectable_input_changes(result: MotionAnswers) -> dict[str, float]:
         return {(row.quantity, row.law): row.gap for row in comparison.rows() if row.bound.kind == "error bars"}
 
     return sensitivities.detectable_input_changes_by_gaps(line, result.rows, gaps_to)
-
-
-def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> None:
-    """Refuse tolerances out of range."""
-    if faults := [*tolerance_faults(tol), *tolerance_faults(tol_tension, "--tol-tension", 1e-6, 1.0)]:
-        raise store.Refused(faults)
-
-
-def refuse_unlike_second_line(points: Sequence[GridPoint], second: Line | None) -> None:
-    """Refuse a second line at rest, or with other names of contacts and cars."""
-    if second is not None and not all(_has_same_contacts_and_cars(second, point.scene) for point in points):
-        raise store.Refused("--second: must be a line in motion with the same contacts and cars")
-
-
-def _has_same_contacts_and_cars(a: Line, b: Line) -> bool:
-    """Whether these have the same names, and both lines move or rest."""
-    contacts = [x.name for x in a.contact] == [x.name for x in b.contact]
-    cars = [x.name for x in a.car] == [x.name for x in b.car]
-    return contacts and cars and a.moves is b.moves

@@ -11,6 +11,7 @@ from validation.core.methods import find_method
 from validation.core.refine import run_with_error_bars
 from validation.core.rows import compare
 from validation.core.view import View
+from validation.page import terminal
 
 FAULT = {"mass.mass": "+1%"}
 
@@ -43,9 +44,9 @@ def line_verdict_with_mass_fault(
     return verdict
 
 
-def self_test_sentence(verdict: Verdict, method: str, tol: float) -> str:
-    """What the self-test says of the verdict; method : of the second solver."""
-    planted = f"self-test: 1 % more mass for {method}"
-    if verdict is Verdict.DISAGREE:
-        return f"{planted} is seen"
-    return f"{planted} is NOT seen ({verdict.value}); at --tol {tol:g} this check would miss such a fault"
+def fault_is_seen(verdict: Verdict, method: str, tol: float) -> bool:
+    """Whether the self-test sees its fault, which is printed; method : of the second solver."""
+    seen = verdict is Verdict.DISAGREE
+    missed = f"NOT seen ({verdict.value}); at --tol {tol:g} this check would miss such a fault"
+    terminal.print_text(f"  self-test: 1 % more mass for {method} is {'seen' if seen else missed}")
+    return seen

@@ -21,13 +21,10 @@ def sections(folder: Path) -> list[Section]:
     heads = []
     figure: Markup | str = ""
     if rows:
-        heads = [_name_with_unit(stored["for"], stored["for_unit"]), _name_with_unit(stored["key"], stored["unit"])]
+        pairs = (stored["for"], stored["for_unit"]), (stored["key"], stored["unit"])
+        heads = [f"{name} [{unit}]".removesuffix(" []") for name, unit in pairs]
         figure = _curve_figure(rows, *heads)
     return render_sections(__package__, found=stored, rows=rows, heads=heads, figure=figure)
-
-
-def _name_with_unit(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit else name
 
 
 def _curve_figure(rows: Sequence[Row], other: str, key: str) -> Markup | str:

@@ -37,14 +37,6 @@ def _tensions_beside_mass_at_positions(system: GalerkinSystem | FollowingElement
     return np.array(out)
 
 
-def tension_overshoots(groups: Groups, terms_by_method: dict[str, list[int]]) -> dict[str, list[dict[str, float]]]:
-    """Overshoots of every method for the numbers of terms of its ladder; the scene must stay taut."""
-    out = {}
-    for method, ladder in terms_by_method.items():
-        out[method] = [tension_overshoot(groups, method, terms) for terms in ladder]
-    return out
-
-
 def _wavelet_basis(terms: int) -> Basis:
     """The paper's set of so many wavelets."""
     sets = (Daubechies(order=4, level=level, reading="literal") for level in range(9))

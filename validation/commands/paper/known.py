@@ -47,7 +47,10 @@ def compute_or_load_numbers(runs: Runs, file: Path, report: Progress, quick: boo
     inclined = runs.scenes["inclined"]
     jobs: dict[str, Callable[[], Any]] = {
         "frequencies": lambda: frequency_convergence(level.groups),
-        "overshoot": lambda: gibbs.tension_overshoots(inclined.groups, ladders),
+        "overshoot": lambda: {
+            method: [gibbs.tension_overshoot(inclined.groups, method, terms) for terms in ladder]
+            for method, ladder in ladders.items()
+        },
         "vibration": lambda: _max_vibration_energies(level.groups),
         "outlook": lambda: outlook.rides_by_thrust_angle(quick),
     }

@@ -34,17 +34,16 @@ def command(context: typer.Context, quick: Quick = False, out: Annotated[Path | 
     root = out or store.ROOT
     missing = report.claim_and_list_missing_parts(root, parts)
     broken = []
-    with report.commands_write_below(root):
-        for i, part in enumerate(missing):
-            terminal.print_text(f"part {i + 1} of {len(missing)}: cablefem {' '.join(part)}", style="bold")
-            try:
-                context.obj(list(part))  # the command line itself: each part runs as a user would run it
-            except BrokenPipeError:
-                raise
-            except Exception as error:  # the other parts are still worth having
-                faults = terminal.fault_sentences(error)
-                terminal.print_faults(faults)
-                broken.append(report.section_of_broken_part(part, faults))
-            terminal.print_text()
+    for i, part in enumerate(missing):
+        terminal.print_text(f"part {i + 1} of {len(missing)}: cablefem {' '.join(part)}", style="bold")
+        try:  # the command line itself: each part runs as a user would run it
+            context.obj([*part, "--out", str(root / report.folder_name_of_part(part))])
+        except BrokenPipeError:
+            raise
+        except Exception as error:  # the other parts are still worth having
+            faults = terminal.fault_sentences(error)
+            terminal.print_faults(faults)
+            broken.append(report.section_of_broken_part(part, faults))
+        terminal.print_text()
     sections = report.write_and_print_combined_report(root, parts, broken)
     return int(any(section.verdict == "disagree" for section in sections))

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from validation.commands.run import CHOICES, QUASI_STATIC, unknown_choice_faults
+from validation.commands.run import CHOICES, QUASI_STATIC, option_faults, setting_faults
 from validation.core import store
 from validation.page import options, terminal
 
 if TYPE_CHECKING:
-    from cablefem.response import Response
     from validation.commands.run.study import AnsweredRun
     from validation.core.methods import Method
 
@@ -48,11 +47,18 @@ def command(
         others |= {"--method": method != METHOD, "--tol": tol is not None, "--no-bars": not bars}
         points = options.line_points_from_options(options.with_limits_of_regulations(line, limits), set_, case, others)
         return _answer_and_report_lines(points, model == QUASI_STATIC, out, require)
-    faults = unknown_choice_faults(run_options, "--") + options.tolerance_faults(tol)
-    chosen = None if model == QUASI_STATIC else _find_method_noting_faults(method, tol, faults)
+    faults: list[str] = []
+    chosen = None if model == QUASI_STATIC else _find_method_noting_fault(method, faults)
+    faults += option_faults(run_options, tol, chosen, before="--")
     loaded = options.with_limits_of_regulations(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
     points = options.grid_points_from_options(loaded, set_, case)
-    if faults := [fault for point in points for fault in _run_faults(chosen, run_options, point, tol)]:
+    for point in points:
+        if chosen is None:
+            no_settings = "the quasi-static model has no settings; keys of the scene have a dot"
+            faults += [f"--set {key}: {no_settings}" for key in point.settings]
+        else:
+            faults += setting_faults(point.scene, chosen, run_options, point.settings, tol, before="--")
+    if faults:
         raise store.Refused(list(dict.fromkeys(faults)))
 
     from validation.commands.run import study
@@ -94,13 +100,14 @@ def _run_and_report(
     from validation.core.readback import StoredResults
     from validation.core.sidebyside import do_in_background
     from validation.page import printing, report
+    from validation.page.answer import write_animations
 
     scene = point.scene
     folder = store.claim_and_clear_folder(out, "run", scene, [name])
     with terminal.progress_bars() as progress:
         r, missed_tolerance = answer_at(point, partial(progress, name))
         r.summary()  # bars are computed when they are looked at
-    with do_in_background(partial(_write_paraview_files, r, folder / name)) if name != QUASI_STATIC else nullcontext():
+    with nullcontext() if name == QUASI_STATIC else do_in_background(partial(write_animations, folder, [r])):
         r.write(folder / name)
         write_summary_and_profile(folder / name, scene, r)
         report.write_report_and_finish(folder, "run")
@@ -121,40 +128,12 @@ def _run_and_report(
     return 1 if wrong or any(flag.kind != "no bar" for flag in r.flags) else 0
 
 
-def _write_paraview_files(response: "Response", folder: Path) -> None:
-    from validation.page import paraview  # slow to load
-
-    paraview.write_paraview_files(response, folder)
-
-
-def _find_method_noting_faults(name: str, tol: float | None, faults: list[str]) -> "Method | None":
-    """The method of a name; why there is none, or why it cannot meet a tolerance, is added to `faults`."""
+def _find_method_noting_fault(name: str, faults: list[str]) -> "Method | None":
+    """The method of a name; why there is none is added to `faults`."""
     from validation.core.methods import find_method
 
     try:
-        method = find_method(name)
+        return find_method(name)
     except ValueError as error:
         faults.append(str(error))
         return None
-    if method.wrong and tol is not None:
-        faults.append(f"{name} converges to a wrong answer: no resolution meets --tol")
-    return method
-
-
-def _run_faults(
-    method: "Method | None", run_options: dict[str, Any], point: options.GridPoint, tol: float | None
-) -> list[str]:
-    """Settings that the method does not take, or why it cannot run the scene."""
-    from validation.core.running import Run
-
-    if method is None:
-        no_settings = "the quasi-static model has no settings; keys of the scene have a dot"
-        return [f"--set {key}: {no_settings}" for key in point.settings]
-    chosen = (method.resolution.setting, "steps")
-    if tol is not None and (both := [key for key in point.settings if key in chosen]):
-        return [f"--set {key} and --tol exclude each other: --tol chooses {' and '.join(chosen)}" for key in both]
-    try:
-        Run(point.scene, method, **run_options, **point.settings)
-    except ValueError as error:
-        return str(error).splitlines()
-    return []

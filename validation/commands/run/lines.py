@@ -122,18 +122,11 @@ def answer_and_report_lines(
     return int(require_limits and limits.any_scene_may_break_limits(rows))
 
 
-def _folder_name(command: str, moves: bool) -> str:
-    """Name of the folder of a line's files; moves : its answer is a motion."""
-    if moves:
-        return f"motion-{command}"
-    return "rest-check" if command == "check" else "rest"
-
-
 def _answer_one_line(command: str, line: Line, moves: bool, out: Path | None, solve: Solve) -> Row:
     """Solve a line, write, draw and print its answer, and read it back; return its row with the number of faults."""
     from validation.core.readback import line_terminal_faults  # slow to import
 
-    home = _folder_name(command, moves)
+    home = f"motion-{command}" if moves else {"run": "rest", "check": "rest-check"}[command]
     with terminal.progress_bars() as progress:
         progress(line.name, 0.0)
         begun = perf_counter()

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter, process_time
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
@@ -169,36 +169,23 @@ def events_without_rattling(events: Events, line: MovingLine, motion: LineMotion
 def _rattling_events(events: Events, car: Car, motion: LineMotion) -> set[int]:
     """Indices of the events of one car that leave it within `rest_distance` of where it came to rest."""
     s = next(moved for moved in motion.cars if moved.name == car.name).s
+    kinds = {f"{car.name} stops": True, f"{car.name} breaks loose": False}
+    own = [(i, kinds[name], float(np.interp(t, motion.t, s))) for i, (name, t) in enumerate(events) if name in kinds]
+    next_positions = [*(at for _, _, at in own[1:]), float(s[-1])]
     rattling = set[int]()
     rest = float(s[0])
     rested = False
-    own = list(_stops_and_starts(events, car.name, motion.t, s))
-    for event in own:
-        moves = abs(event.s_at_rest - rest) > car.drive.rest_distance
-        stays = not rested and event is own[-1]
-        lasts = moves or stays if event.stops else moves and rested
+    for (i, stops, at), next_position in zip(own, next_positions, strict=True):
+        rests_at = at if stops else next_position
+        moves = abs(rests_at - rest) > car.drive.rest_distance
+        stays = not rested and i == own[-1][0]
+        lasts = moves or stays if stops else moves and rested
         if not lasts:
-            rattling.add(event.event_index)
-        elif event.stops:
-            rest = event.s_at_rest
+            rattling.add(i)
+        elif stops:
+            rest = rests_at
             rested = True
     return rattling
-
-
-class StopOrStart(NamedTuple):
-    event_index: int  # among all events
-    stops: bool  # else it breaks loose
-    s_at_rest: float  # where it stops, or will stop next
-
-
-def _stops_and_starts(events: Events, name: str, t: Array, s: Array) -> Iterator[StopOrStart]:
-    """Events at which a car stops or breaks loose; t, s : its times and positions (n,)."""
-    kinds = {f"{name} stops": True, f"{name} breaks loose": False}
-    own = [(i, kinds[event], time) for i, (event, time) in enumerate(events) if event in kinds]
-    at_events = np.interp([time for _, _, time in own], t, s)
-    positions = [*at_events.tolist(), float(s[-1])]
-    for n, (i, stops, _) in enumerate(own):
-        yield StopOrStart(i, stops, positions[n] if stops else positions[n + 1])
 
 
 def coarser_factors(space_factor: int, time_factor: int) -> tuple[list[Factors], list[Factors]]:
@@ -258,14 +245,6 @@ def append_marched_states(
             if states and x.phase > states[-1].phase:
                 states.append(system.start(x.phase, states[-1]))
             states.append(x)
-
-
-class SystemMarch(NamedTuple):
-    """States of a line while it touches the same contacts."""
-
-    states: list[State]
-    following: tuple[Any, State] | None  # the system after an event that changes them, and its state
-    reason: str | None  # why it broke, or None
 
 
 class LineRuns:
@@ -351,13 +330,13 @@ class LineRuns:
         seconds = 0.0
         while True:
             begin = process_time()
-            march = self._march_one_system(system, start, steps, work)
+            marched, following, reason = self._march_one_system(system, start, steps, work)
             seconds += process_time() - begin
-            parts.append(system.observe(march.states, s))
-            states += march.states
-            if march.following is None:
+            parts.append(system.observe(marched, s))
+            states += marched
+            if following is None:
                 break
-            system, start = march.following
+            system, start = following
             finer = start.t + shortest_time_on_rail(system, start) * shares_of_rail
             steps = [merge_instants(t, finer) for t in grid]
         motion = join_motions_in_time(parts)
@@ -367,7 +346,7 @@ class LineRuns:
             settings={self.method.setting: n, "steps": time_factor * self.fewest_steps},
             motion=with_wheel_loads_by_hand(motion, self.table, self.line, states),
             events=events_without_rattling(events, self.line, motion),
-            reason=march.reason,
+            reason=reason,
             period=self.period,
             instants=self.instants,
             n_dof=n_dof,
@@ -375,8 +354,13 @@ class LineRuns:
             seconds=seconds,
         )
 
-    def _march_one_system(self, system: Any, start: State | None, steps: list[Array], work: Work) -> SystemMarch:
-        """The run of one system from a state on, or from its start; Refused where it does not begin."""
+    def _march_one_system(
+        self, system: Any, start: State | None, steps: list[Array], work: Work
+    ) -> tuple[list[State], tuple[Any, State] | None, str | None]:
+        """States of a system from one on, or from its start; the system after its end, with its state; why it broke.
+
+        Refused where it does not begin.
+        """
         states: list[State] = [] if start is None else [start]
         try:
             append_marched_states(states, system, scheme(self.method.scheme), steps, work, self.cut_at)
@@ -386,8 +370,8 @@ class LineRuns:
         except StepFailure as error:
             if len(states) < 2 and start is None:
                 raise store.Refused(f"{self.method.name}: {error}") from None
-            return SystemMarch(states, None, str(error))
-        return SystemMarch(states, following, None)
+            return states, None, str(error)
+        return states, following, None
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -442,24 +426,19 @@ class MotionAnswers(LineAnswers):
         doubts = []
         judged = [d for d in self.design if d["quantity"].startswith(("safety_factor", "clearance"))]
         for d in sorted(judged, key=lambda d: (d["quantity"].startswith("clearance"), d["value"])):
-            kind, _, who_over_what = d["quantity"].partition(":")
-            limit = TOUCHES if kind.startswith("clearance") else 1.0
+            body, _, obstacle = d["quantity"].partition(":")[2].rpartition(" over ")
+            body = body or "the rope"
             bar = d["bar"] or 0.0
+            limit = TOUCHES if obstacle else 1.0
             if d["value"] + bar < limit:
-                failures.append(self._break_or_collision(who_over_what, d["value"]))
+                strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
+                end = Outcome("breaks", f"{body} is loaded beyond its breaking load of {strength}")
+                if obstacle:
+                    end = Outcome("collides", f"would collide: {body} hits {obstacle} by {-d['value']:.2f} m")
+                failures.append(end)
             elif d["value"] - bar < limit:
-                body, _, obstacle = who_over_what.rpartition(" over ")
-                what = f"{body or 'the rope'} clears {obstacle}" if who_over_what else "the rope breaks"
-                doubts.append(f"too close to tell whether {what}")
+                doubts.append(f"too close to tell whether {body} {f'clears {obstacle}' if obstacle else 'breaks'}")
         return failures, doubts
-
-    def _break_or_collision(self, who_over_what: str, clearance: float) -> Outcome:
-        """That a car hits an obstacle, by a clearance [m] below 0, or the rope does; that the rope breaks for ""."""
-        if not who_over_what:
-            strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
-            return Outcome("breaks", f"the rope is loaded beyond its breaking load of {strength}")
-        body, _, obstacle = who_over_what.rpartition(" over ")
-        return Outcome("collides", f"would collide: {body or 'the rope'} hits {obstacle} by {-clearance:.2f} m")
 
     def _end_outcome_unless_broken(self) -> Outcome | None:
         """How the run ends; None for one that broke."""

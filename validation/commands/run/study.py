@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from cablefem.response import LazyValue, Response
 from cablefem.scene import Scene
-from validation.commands.run import QUASI_STATIC, unknown_choice_faults
+from validation.commands.run import QUASI_STATIC, option_faults, setting_faults
 from validation.core import limits, recomputed
-from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict, range_faults
+from validation.core.agreement import Verdict
 from validation.core.answers import outcome_of_run
 from validation.core.design import design_numbers
 from validation.core.flags import with_flag
@@ -17,7 +17,7 @@ from validation.core.methods import Method, find_method
 from validation.core.quasi_static import quasi_static, with_inertia_error_bars
 from validation.core.refine import TooCoarse, refine_to_tolerance, refine_until_goal_met, run_with_error_bars
 from validation.core.rows import events_with_bars, worst_force_goal
-from validation.core.running import Run, run
+from validation.core.running import run
 from validation.core.sampling import FRAMES
 from validation.core.sidebyside import no_progress
 from validation.page.answer import many as table
@@ -132,33 +132,13 @@ def run_with_bars(
     """
     options = {"model": model, "load": load, "law": law}
     solver = find_method(method)
-    if faults := run_faults(scene, solver, options, settings, tol):
+    faults = option_faults(options, tol, solver)
+    if model == QUASI_STATIC:
+        faults.append(f"model = {QUASI_STATIC!r}: no method has it; cf.quasi_static computes it")
+    if faults := faults or setting_faults(scene, solver, options, settings, tol):
         raise ValueError("\n".join(faults))
     how = {"frames": frames, "until": until, **options, **settings}
     return run_with_design_numbers(scene, solver, tol=tol, bars=bars, progress=no_progress, **how).response
-
-
-def run_faults(
-    scene: Scene, method: Method, options: dict[str, Any], settings: dict[str, Any], tol: float | None
-) -> list[str]:  # fmt: skip
-    """Sentences: why a method cannot run a scene with a model, load and law (`options`), settings and tolerance."""
-    faults = unknown_choice_faults(options)
-    if options["model"] == QUASI_STATIC:
-        faults.append(f"model = {QUASI_STATIC!r}: no method has it; cf.quasi_static computes it")
-    if tol is not None:
-        faults += range_faults("tol", tol, TOL_LOW, TOL_HIGH)
-        if method.wrong:
-            faults.append(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
-        chosen = method.resolution.setting, "steps"
-        choice = f"tol chooses {' and '.join(chosen)}"
-        faults += [f"{key} and tol exclude each other: {choice}" for key in settings if key in chosen]
-    try:
-        method.complete_settings(settings)
-        if not faults:
-            Run(scene, method, **options, **settings)
-    except ValueError as error:
-        faults += str(error).splitlines()
-    return faults
 
 
 def answer_grid(

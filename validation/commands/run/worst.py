@@ -52,15 +52,46 @@ def _tops_below(line: Line) -> list[float]:
 
 def _with_extreme_positions(line: Line, car: Car) -> Line:
     """The line with a car over each span and at every position where a number is extreme."""
-    positions = _NumbersByCarPosition(line, f"car.{car.name}.at")
+    key = f"car.{car.name}.at"
     first = sorted(set(_positions_to_try_first(line)))
-    positions.solve_at(first)
-    for _ in range(6):  # of parabolas, at most
-        vertices = positions.untried_parabola_vertices()
-        if not vertices:
+    numbers: dict[float, Row] = {}  # by position; a position without rest has none
+    untried = first
+    for _ in range(7):  # once, and of parabolas 6 times at most
+        rest = line.replace({key: untried}).solve_at_rest(catenary_line.solve)
+        numbers |= {x: row or {} for x, row in zip(untried, numbers_by_position(rest), strict=True)}
+        extremes, untried = _extreme_positions_and_untried_vertices(numbers)
+        if not untried:
             break
-        positions.solve_at(vertices)
-    return positions.line_with_car_at([*first, *positions.positions_of_extreme_numbers()])
+    return line.replace({key: sorted({*first, *extremes})})
+
+
+def _extreme_positions_and_untried_vertices(numbers: dict[float, Row]) -> tuple[list[float], list[float]]:
+    """Where a number is largest or smallest, and vertices of parabolas through that and its neighbours.
+
+    Vertices: sorted, without those where a rest was computed already.
+    """
+    x = np.array(sorted(numbers))
+    same = 1e-6 * x[-1]  # [m] positions that are one
+    extremes: list[float] = []
+    vertices: list[float] = []
+    for name in sorted({name for row in numbers.values() for name, value in row.items() if isinstance(value, float)}):
+        y = np.array([numbers[position].get(name) for position in x], float)  # None is nan
+        for k in {int(np.nanargmax(y)), int(np.nanargmin(y))}:
+            extremes.append(float(x[k]))
+            near = slice(max(k - 1, 0), k + 2)
+            vertex = _parabola_vertex(x[near] - x[k], y[near] - y[k]) + x[k]
+            tried = np.array([*numbers, *vertices])
+            if x[near][0] < vertex < x[near][-1] and np.abs(tried - vertex).min() > same:
+                vertices.append(float(vertex))
+    return extremes, sorted(vertices)
+
+
+def _parabola_vertex(x: np.ndarray, y: np.ndarray) -> float:
+    """x of the vertex of the parabola through three points; nan of fewer, and of points on a line."""
+    if x.size < 3 or not np.isfinite(y).all():
+        return math.nan
+    a, b, _ = np.polyfit(x, y, 2)
+    return float(-b / (2.0 * a)) if a else math.nan
 
 
 def _positions_to_try_first(line: Line) -> Iterator[float]:
@@ -77,48 +108,3 @@ def _positions_to_try_first(line: Line) -> Iterator[float]:
         if left.shoe is not None:
             yield from (a - left.shoe, a, a + left.shoe)
     yield from (x for x in _tops_below(line) if low < x < high)
-
-
-class _NumbersByCarPosition:
-    """Numbers of a line by position of its car; a position without rest has none."""
-
-    def __init__(self, line: Line, key: str) -> None:
-        self.line = line
-        self.key = key
-        self.rows: dict[float, Row] = {}
-
-    def line_with_car_at(self, positions: list[float]) -> Line:
-        return self.line.replace({self.key: sorted(set(positions))})
-
-    def solve_at(self, positions: list[float]) -> None:
-        """Compute the numbers at these positions, and store them in `rows`."""
-        rest = self.line_with_car_at(positions).solve_at_rest(catenary_line.solve)
-        for x, row in zip(sorted(set(positions)), numbers_by_position(rest), strict=True):
-            self.rows[x] = row or {}
-
-    def _curves_with_extreme_index(self) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
-        """Yield positions and values (n,) of each number with the index of its largest, and again with its smallest."""
-        x = np.array(sorted(self.rows))
-        names = {name for row in self.rows.values() for name, value in row.items() if isinstance(value, float)}
-        for name in sorted(names):
-            y = np.array([self.rows[position].get(name) for position in x], float)  # None is nan
-            if np.isfinite(y).any():
-                yield x, y, int(np.nanargmax(y))
-                yield x, y, int(np.nanargmin(y))
-
-    def positions_of_extreme_numbers(self) -> list[float]:
-        return [float(x[k]) for x, _, k in self._curves_with_extreme_index()]
-
-    def untried_parabola_vertices(self) -> list[float]:
-        """Vertices of parabolas through each extreme and its neighbours, where nothing was solved yet."""
-        out: list[float] = []
-        same = 1e-6  # of the line: positions that are one
-        for x, y, k in self._curves_with_extreme_index():
-            if not 0 < k < x.size - 1 or not np.isfinite(y[k - 1 : k + 2]).all():
-                continue
-            a, b = np.polyfit(x[k - 1 : k + 2] - x[k], y[k - 1 : k + 2] - y[k], 2)[:2]
-            vertex = float(x[k] - b / (2.0 * a)) if a else math.nan
-            tried = np.array([*self.rows, *out])
-            if x[k - 1] < vertex < x[k + 1] and np.abs(tried - vertex).min() > same * x[-1]:
-                out.append(vertex)
-        return out

@@ -9,8 +9,7 @@ from validation.page import terminal
 from validation.page.options import claim_and_finish_results, load_line_or_refuse, load_scene_or_refuse
 
 if TYPE_CHECKING:
-    from cablefem.scene import Scene
-    from cablefem.scene.line import Line
+    pass
 
 EXAMPLE = "cablefem scenes level > my.toml"
 
@@ -63,28 +62,20 @@ def _print_scenes() -> int:
     for key, title in Scene.library().items():
         scene = Scene.load(key)
         mass = "-" if scene.mass is None else f"{scene.mass.mass:.0f} kg"
-        rows.append([key, f"{scene.supports.span:.0f} m", mass, _top_speed_text(scene), title])
+        speed = "free" if scene.drive.mode == "free" else "-"  # a free car has none before its ride is computed
+        if scene.travel is not None:
+            speed = f"{scene.top_speed:.3g} m/s"
+        rows.append([key, f"{scene.supports.span:.0f} m", mass, speed, title])
     for key, title in Line.library().items():
         line = Line.load(key)
         masses = ", ".join(f"{car.mass:.0f} kg" for car in line.car)
-        rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, _line_top_speed_text(line), title])
+        speeds = [getattr(car.travel, "top_speed", 0.0) for car in line.car]
+        speed = "free" if line.moves else "at rest"
+        if any(speeds):
+            speed = f"{max(speeds):.3g} m/s"
+        rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, speed, title])
     terminal.print_table(["scene", "span", "mass", "top speed", "title"], rows, right=["span", "mass", "top speed"])
     return 0
-
-
-def _top_speed_text(scene: "Scene") -> str:
-    """The largest speed of a timetable; a free car has none before its ride is computed."""
-    if scene.travel is None:
-        return "free" if scene.drive.mode == "free" else "-"
-    return f"{scene.top_speed:.3g} m/s"
-
-
-def _line_top_speed_text(line: "Line") -> str:
-    """The largest speed of timetables; of a line at rest, and of free cars alone, words."""
-    if not line.moves:
-        return "at rest"
-    speeds = [speed for car in line.car if (speed := getattr(car.travel, "top_speed", None)) is not None]
-    return f"{max(speeds):.3g} m/s" if speeds else "free"
 
 
 def _print_keys() -> int:

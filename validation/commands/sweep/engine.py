@@ -177,7 +177,8 @@ def write_rows(out: Path, study: Study, rows: list[Row]) -> None:
     from pyarrow import parquet
 
     texts = [name for name, axis in study.axes.items() if not axis.numeric]
-    rows = [row | {name: _text_of_value(row[name]) for name in texts} for row in rows]
+    # a word as it is; numbers, lists and tables beside words as JSON
+    rows = [row | {name: x if isinstance(x := row[name], str) else json.dumps(x) for name in texts} for row in rows]
     table = pyarrow.Table.from_pylist(rows, _parquet_schema(study))
     with atomic_write(out / "rows" / f"{rows[0]['index']:08d}-{len(rows)}.parquet") as temporary:
         parquet.write_table(table, temporary)
@@ -199,11 +200,6 @@ def _result_types() -> dict[str, Any]:
     counts = dict.fromkeys(job.COLUMNS["counts"], pa.int64())
     design = [name for quantity in job.DESIGN for name in (quantity, f"{quantity}_bar")]
     return words | counts | dict.fromkeys([*job.GROUPS, *design, *job.COLUMNS["numbers"]], pa.float64())
-
-
-def _text_of_value(value: Any) -> str:
-    """A word as it is; numbers, lists and tables beside words as JSON."""
-    return value if isinstance(value, str) else json.dumps(value)
 
 
 def read_rows(out: Path, *columns: str) -> "DataFrame":

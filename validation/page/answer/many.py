@@ -121,7 +121,9 @@ def answer_and_store_grid(
     Writes table.csv, grid.json and scene.toml to `subfolder` of the command's results.  Raises KeyboardInterrupt after
     that where Ctrl-C left points out.
     """
-    keys = {key: _key_with_unit(type(scene), key) for key in points[0].values}
+    from cablefem.scene.keys import unit_of_key  # slow to import
+
+    keys = {key: f"{key} [{unit_of_key(type(scene), key)}]".removesuffix(" []") for key in points[0].values}
     folder = store.claim_and_clear_folder(out, command, scene, [subfolder])
     answers = _answer_in_parallel(points, answer_point)
     rows = []
@@ -141,13 +143,6 @@ def answer_and_store_grid(
             f"{len(rows)} of {len(points)} scenes were computed and are written; the same command begins again"
         )
     return rows
-
-
-def _key_with_unit(scene_type: type[Any], key: str) -> str:
-    from cablefem.scene.keys import unit_of_key  # slow to import
-
-    unit = unit_of_key(scene_type, key)
-    return f"{key} [{unit}]" if unit else key
 
 
 def key_columns(keys: Mapping[str, str]) -> Columns:
