@@ -5,9 +5,9 @@ from validation import check
 from validation.commands.check.sensitivity import (
     detectable_changes_sentence,
     detectable_input_changes,
-    keys_of_nonzero_numbers,
 )
 from validation.commands.sweep.families import SOUND, scene_and_fault_key
+from validation.page.scene_keys import dotted_keys_and_values
 
 INCLINED = Scene.load("inclined")
 
@@ -39,8 +39,11 @@ def test_a_station_on_the_edge_of_the_jump_is_no_disagreement():
 
 
 def test_keys_are_the_numbers_of_the_tables():
-    data = {"title": "x", "cable": {"EA": 1e6, "on": True}, "drive": {"brake": [{"from": 3.0, "force": 0.0}]}}
-    assert list(keys_of_nonzero_numbers(data)) == ["cable.EA", "drive.brake.0.from"]
+    data = {"cable": {"EA": 1e6}, "brake": [{"from": 3.0, "force": 0.0}], "car": [{"name": "up", "at": [1.0, 2.0]}]}
+    by_number = {"cable.EA": 1e6, "brake.0.from": 3.0, "brake.0.force": 0.0, "car.0.name": "up", "car.0.at": [1.0, 2.0]}
+    assert dict(dotted_keys_and_values(data)) == by_number
+    by_name = {key.replace("car.0", "car.up"): value for key, value in by_number.items()}
+    assert dict(dotted_keys_and_values(data, by_name=True)) == by_name
 
 
 def test_cases_of_the_study_are_the_families_in_turn_and_sound_ones_have_no_fault():

@@ -106,26 +106,28 @@ def free_ride_on_stiff_rope(stiffness: float, mu: float = MU, start: float = STA
     return scene_in_units_of_cable(BEAD.g, stiffness * mu, mu, drive, span=BEAD.D, length=1.0)
 
 
-def _run_with_damped_scheme(solvers: Solvers, method: str, scene: Scene) -> Any:
+def _run_with_damped_scheme(solvers: Solvers, method: str, *rope_and_car: float, **motion: float) -> Any:
+    """The ride of `free_ride_on_stiff_rope`."""
+    scene = free_ride_on_stiff_rope(*rope_and_car, **motion)
     return solvers.run_scene(scene, method, steps=1200, **RULES[method])
 
 
 def _relative_distance_from_ellipse(solvers: Solvers, method: str, stiffness: float) -> Array:
     """Distance over l at each step of the run."""
-    r = _run_with_damped_scheme(solvers, method, free_ride_on_stiff_rope(stiffness))
+    r = _run_with_damped_scheme(solvers, method, stiffness)
     x, y = BEAD.point(r.s_o / r.length)
     return np.hypot(r.x / r.length - x, r.y / r.length - y)
 
 
 def _relative_speed_error(solvers: Solvers, method: str, stiffness: float) -> Array:
-    r = _run_with_damped_scheme(solvers, method, free_ride_on_stiff_rope(stiffness))
+    r = _run_with_damped_scheme(solvers, method, stiffness)
     speed = BEAD.speed(r.s_o / r.length, START)
     return (r.speed - speed) / speed.max()
 
 
 def _relative_tension_error(solvers: Solvers, method: str, stiffness: float, averaged: bool = True) -> Array:
     """Error over the largest N; means over one bounce."""
-    r = _run_with_damped_scheme(solvers, method, free_ride_on_stiff_rope(stiffness))
+    r = _run_with_damped_scheme(solvers, method, stiffness)
     s_o = BEAD.position_at_time(r.t, START)
     right = BEAD.tension(s_o, START)
     bounce = BEAD.transverse_bounce_period(s_o, stiffness) if averaged else np.zeros_like(s_o)
@@ -150,8 +152,7 @@ def _relative_swing_period_error(solvers: Solvers, method: str, mu: float) -> fl
     """Relative error of the time between two passages of the middle, in small swings."""
     start = 0.49
     omega = math.sqrt(BEAD.g * BEAD.b) / 0.5
-    scene = free_ride_on_stiff_rope(1e5, mu, start, t_end=5.5 * math.pi / omega)
-    r = _run_with_damped_scheme(solvers, method, scene)
+    r = _run_with_damped_scheme(solvers, method, 1e5, mu, start, t_end=5.5 * math.pi / omega)
 
     def mean_half_period(s_o: Array) -> float:
         passages = CubicSpline(r.t, s_o - 0.5).roots(extrapolate=False)

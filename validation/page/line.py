@@ -128,36 +128,34 @@ def _column_heading(name: str) -> str:
     return f"{which}{line_quantity_words(name)} [{unit}]".removesuffix(" []")
 
 
-def rest_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
-    """Pages of the line in a folder; check_rows, verdict : of a check."""
+def read_line_with_content(folder: Path, verdict: str | None, *alarming: str) -> tuple[Line, Row, Content]:
+    """The line of a folder, its summary, and what pages at rest and in motion show alike.
+
+    alarming : kinds of outcomes that are shown as an alarm.
+    """
     summary = store.read_json(folder / "summary.json")
-    ropes = store.read_json(folder / "ropes.json")
     toml = (folder / "scene.toml").read_text(encoding="utf-8")
     line = Line.from_toml(toml)
-    positions = read_csv_rows(folder / "positions.csv")
+    content: Content = {"id": folder.name, "verdict": verdict, "outcome": summary["outcome"]}
+    content["alarm"] = "disagree" if summary["outcome_kind"] in alarming else None
+    content["limits"] = limits_of(list(map(limit_row_texts, summary["limits"])), limit_scope_sentences(line))
+    content["as_read"] = line_inputs_html(toml)
+    return line, summary, content
 
-    content: Content = {
-        "id": folder.name,
-        "verdict": verdict,
-        "outcome": summary["outcome"],
-        "refused": summary["refused"],
-    }
-    content["alarm"] = "disagree" if summary["outcome_kind"] in ("breaks", "collides") else None
-    content["limits"] = stored_limits_table(line, summary)
-    content["side"] = _side_view_figure(line, ropes, positions)
+
+def rest_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
+    """Pages of the line in a folder; check_rows, verdict : of a check."""
+    line, summary, content = read_line_with_content(folder, verdict, "breaks", "collides")
+    positions = read_csv_rows(folder / "positions.csv")
+    content["refused"] = summary["refused"]
+    content["side"] = _side_view_figure(line, store.read_json(folder / "ropes.json"), positions)
     content["design"] = extremes_table_rows(summary["design"])
     content["over"] = []
     if summary["positions"] > 1:
         content["over"] = list(_figures_over_position(line.car[0].name, positions))
     content["compared"] = [x for x in check_rows if x["quantity"] not in RECHECKED]
     content["rechecked"] = [x for x in check_rows if x["quantity"] in RECHECKED]
-    content["as_read"] = line_inputs_html(toml)
     return render_sections(__package__, "assets/line.html", **content)
-
-
-def stored_limits_table(line: Line, summary: Row) -> Markup:
-    """Stored verdicts on limits, and what their texts are for."""
-    return limits_of(list(map(limit_row_texts, summary["limits"])), limit_scope_sentences(line))
 
 
 def _column_of_floats(positions: Sequence[Row], name: str) -> Array:

@@ -10,15 +10,13 @@ from markupsafe import Markup
 
 from cablefem.response import Array
 from cablefem.scene.line import Contact, Line
-from validation.core import store
 from validation.core.quantities import quantity_text
 from validation.core.stored_files import Entries, read_csv_columns
 from validation.page import side_view
 from validation.page.answer.many import Columns
-from validation.page.line import line_grid_sections, series_figure, stored_limits_table, table_columns_with_outcome
+from validation.page.line import line_grid_sections, read_line_with_content, series_figure, table_columns_with_outcome
 from validation.page.page import Content, Row, Section, read_asset, render_sections
 from validation.page.plot import COLORS, SeriesByName
-from validation.page.scene_keys import line_inputs_html
 from validation.page.side_view import packed_series, six_digits
 
 WORDS: Row = tomllib.loads(read_asset("motion.toml"))
@@ -72,18 +70,12 @@ def motion_table_columns(rows: Sequence[Row], keys: Mapping[str, str]) -> Column
 
 def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
     """Pages of the line in a folder; check_rows, verdict : of a check."""
-    summary = store.read_json(folder / "summary.json")
+    line, summary, content = read_line_with_content(folder, verdict, "breaks", "collides", "incomplete")
     design = summary["design"]
-    toml = (folder / "scene.toml").read_text(encoding="utf-8")
-    line = Line.from_toml(toml)
     contacts = read_csv_columns(folder / "contacts.csv")
     paths = {car.name: read_csv_columns(folder / f"path-{car.name}.csv") for car in line.car}
     compared = [row | {"named": comparison_words(row["quantity"], row.get("law", ""))} for row in check_rows]
     laws = [row for row in compared if row["quantity"] in ("laws_si", "energy")]
-
-    content: Content = {"id": folder.name, "verdict": verdict, "outcome": summary["outcome"]}
-    content["alarm"] = "disagree" if summary["outcome_kind"] in ("breaks", "collides", "incomplete") else None
-    content["limits"] = stored_limits_table(line, summary)
     content["side"] = _moving_side_view(line, folder, contacts, paths)
     content["events"] = [{"event": e["event"], "at": f"{e['t']:.4g} s"} for e in summary["events"]]
     content["design"] = design_number_rows(design)
@@ -94,7 +86,6 @@ def motion_sections(folder: Path, check_rows: Sequence[Row] = (), verdict: str |
     content["grips"] = GRIPS if any(car.mode == "grip" for car in line.car) else ""
     content["compared"] = [row for row in compared if row not in laws]
     content["laws"] = laws
-    content["as_read"] = line_inputs_html(toml)
     return render_sections(__package__, "assets/motion.html", **content)
 
 

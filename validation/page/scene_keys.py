@@ -16,7 +16,7 @@ from validation.page.page import details, html_table, versions_footer
 def scene_keys_table(toml: str, scene_type: type[Scene | Line] = Scene, without: Container[str] = ()) -> Markup:
     """The table of all keys of a scene or a line, but for some."""
     rows = []
-    for key, value in _dotted_keys_and_values(tomllib.loads(toml)):
+    for key, value in dotted_keys_and_values(tomllib.loads(toml)):
         if key in without or key in ("name", "title"):
             continue
         general = re.sub(r"\.\d+", ".0", key)  # as `list_keys` names it
@@ -25,15 +25,18 @@ def scene_keys_table(toml: str, scene_type: type[Scene | Line] = Scene, without:
     return html_table(rows, ["key", "value", "meaning"], caption="All that the scene gives", stack=True)
 
 
-def _dotted_keys_and_values(data: Any, before: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys and values; lists of tables are counted through, other lists are values."""
+def dotted_keys_and_values(data: Any, before: str = "", *, by_name: bool = False) -> Iterator[tuple[str, Any]]:
+    """Dotted keys and values of a scene file; by_name : tables of a list by name where they have one, else by number.
+
+    Other lists are values.
+    """
     if isinstance(data, list) and data and isinstance(data[0], dict):
-        data = dict(enumerate(data))
+        data = {x.get("name", i) if by_name else i: x for i, x in enumerate(data)}
     if not isinstance(data, dict):
         yield before, data
         return
     for name, value in data.items():
-        yield from _dotted_keys_and_values(value, f"{before}.{name}" if before else str(name))
+        yield from dotted_keys_and_values(value, f"{before}.{name}" if before else str(name), by_name=by_name)
 
 
 @cache

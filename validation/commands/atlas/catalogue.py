@@ -18,7 +18,8 @@ from validation.commands.modes.study import scaled_cable_frequencies
 from validation.commands.paper import measured
 from validation.commands.paper.vibration import relative_free_vibration_energy
 from validation.core import measures, running, store
-from validation.core.trust import max_path_gap_past_slack
+from validation.core.flags import MAX_GAIN
+from validation.core.trust import convergence_limit, max_path_gap_past_slack
 from validation.page import page
 
 Row = dict[str, Any]
@@ -53,8 +54,7 @@ def condition_holds(condition: str, values: dict[str, float]) -> bool:
 
 
 def _evaluate(expression: str, **names: Any) -> Any:
-    """The value of an expression, which names functions and numbers of this module."""
-    return page.compile_template_expression(expression)(**globals(), **names)
+    return page.compile_template_expression(expression)(**MEASURES, **names)
 
 
 def level_scene(**groups: float) -> Scene:
@@ -183,3 +183,12 @@ def explicit_step_count(terms: int, dt_over_limit: float) -> int:
     M, _, K = specimens.frozen_matrices(system, 0.5 * end)
     omega_max = math.sqrt(eigvals(K, M).real.max())
     return round(end * omega_max / 2.0 / dt_over_limit)
+
+
+_FUNCTIONS = (
+    run_on_level, relative_path_gap, path_error, energy_gain, tension_ripple, energy_history_of_large_vibration,
+    remaining_energy_of_small_vibration, first_wavelet_frequency_error, path_gap_past_slack, light_mass_entry_error,
+    compression_onset, coarse_and_fine_stiff_runs, tension_gap_before_slack, frozen_growth_factor, explicit_step_count,
+    convergence_limit,
+)  # fmt: skip
+MEASURES: dict[str, Any] = {f.__name__: f for f in _FUNCTIONS} | {"most_gain": MAX_GAIN}

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from markupsafe import Markup
 from matplotlib.axes import Axes
@@ -71,14 +71,6 @@ def _rows_with_error_and_work(chart: Row, quantity: str, work: str) -> list[Row]
     return [r for r in chart["rows"] if r["status"] == "ok" and r[f"{quantity}_error"] and r[work]]
 
 
-class EndLabel(NamedTuple):
-    """The settings of a dot at an end of a line, written above (1) or below (-1) it."""
-
-    row: Row
-    colour: str
-    side: int
-
-
 @report_style()
 def draw_work_precision(
     chart: Row, quantity: str, work: str, title: str, rows_by_series: dict[str, list[Row]]
@@ -89,7 +81,7 @@ def draw_work_precision(
     dots = _rows_with_error_and_work(chart, quantity, work)
     best = our_pareto_rows(dots, quantity, work)
     ax.plot(*_columns(best, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)
-    labels: list[EndLabel] = []
+    labels: list[tuple[Row, str, int]] = []  # dots at ends of lines, colours; 1: above the dot, -1: below it
     for i, (name, rows) in enumerate(rows_by_series.items()):
         colour = PALETTE[i % len(PALETTE)]
         marker = MARKERS[i % len(MARKERS)]
@@ -97,18 +89,17 @@ def draw_work_precision(
         ax.plot(*_columns(rows, work, error), marker, color=colour, alpha=0.25, markersize=3.5, zorder=2)
         best = pareto_rows(rows, quantity, work)
         ax.plot(*_columns(best, work, error), marker=marker, color=colour, linestyle=dash, label=name, zorder=3)
-        labels.append(EndLabel(best[0], colour, 1))
+        labels.append((best[0], colour, 1))
         if len(best) > 1:
-            labels.append(EndLabel(best[-1], colour, -1))
+            labels.append((best[-1], colour, -1))
     all_work, all_errors = _columns(dots, work, error)
     _set_axes(ax, all_work, all_errors, floor=chart["reference"].get(error))
     ax.set(title=title, xlabel=WORK[work], ylabel=_error_label(chart, quantity))
     fig.legend(loc="outside lower center", ncols=2)
     fig.draw_without_rendering()
     taken: list[Bbox] = []
-    for label in labels:
-        dot = label.row[work], label.row[error]
-        taken.append(_write_label(ax, label, dot, taken))
+    for row, colour, side in labels:
+        taken.append(_write_settings(ax, row, (row[work], row[error]), colour, side, taken))
     return fig
 
 
@@ -136,14 +127,14 @@ def _settings_text(row: Row) -> str:
     return " · ".join(str(v) for v in settings.values() if not isinstance(v, str))
 
 
-def _write_label(ax: Axes, label: EndLabel, dot: tuple[float, float], taken: list[Bbox]) -> Bbox:
-    """Write a label at its dot where no taken box is; return its own box."""
-    frame = {"boxstyle": "round,pad=0.12", "fc": "white", "ec": label.colour, "lw": 0.5, "alpha": 0.8}
+def _write_settings(ax: Axes, row: Row, dot: tuple[float, float], colour: str, side: int, taken: list[Bbox]) -> Bbox:
+    """Write the settings of a row at its dot where no taken box is; return its own box."""
+    frame = {"boxstyle": "round,pad=0.12", "fc": "white", "ec": colour, "lw": 0.5, "alpha": 0.8}
     look: dict[str, Any] = {"fontsize": 7.0, "color": BLACK, "va": "center", "bbox": frame, "zorder": 4}
-    note = ax.annotate(_settings_text(label.row), dot, (3, -9), textcoords="offset points", **look)
+    note = ax.annotate(_settings_text(row), dot, (3, -9), textcoords="offset points", **look)
     note.set_in_layout(False)
     for y, right in product((9, -9, 20, -20, 31, -31, 42, -42), (True, False)):
-        note.xyann = (3 if right else -3, label.side * y)
+        note.xyann = (3 if right else -3, side * y)
         note.set_horizontalalignment("left" if right else "right")
         box = note.get_window_extent().padded(2.0)
         inside = ax.bbox.contains(*box.p0) and ax.bbox.contains(*box.p1)

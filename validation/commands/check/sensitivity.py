@@ -2,7 +2,7 @@
 
 import math
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -15,21 +15,10 @@ from validation.core.methods import find_method
 from validation.core.rows import TABLE
 from validation.core.running import run
 from validation.core.view import View
+from validation.page.scene_keys import dotted_keys_and_values
 
 Gaps = dict[tuple[str, str], float]  # by quantity and law
 STEP = 0.1  # [percent] change of a key; rows are linear in it
-
-
-def keys_of_nonzero_numbers(data: Any, prefix: str = "") -> Iterator[str]:
-    """Dotted keys of all numbers of a scene but zeros; tables of a list by name, or number."""
-    if isinstance(data, list):
-        data = {x.get("name", i): x for i, x in enumerate(data) if isinstance(x, dict)}
-    for name, value in data.items():
-        key = f"{prefix}.{name}" if prefix else str(name)
-        if isinstance(value, dict | list):
-            yield from keys_of_nonzero_numbers(value, key)
-        elif isinstance(value, float | int) and not isinstance(value, bool) and value:
-            yield key
 
 
 def detectable_input_changes(result: Check) -> dict[str, float]:
@@ -58,7 +47,9 @@ def detectable_input_changes_by_gaps(
     """
     bars = {(row.quantity, row.law): row.allowed for row in rows if row.decides}
     out = {}
-    for key in keys_of_nonzero_numbers(tomllib.loads(scene.to_toml())):
+    for key, value in dotted_keys_and_values(tomllib.loads(scene.to_toml()), by_name=True):
+        if not value or isinstance(value, bool | str | list):
+            continue
         changed = _scene_with_changed_key(scene, key)
         if changed is None:
             continue

@@ -7,7 +7,7 @@ templates of them.
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import jinja2
 
@@ -64,22 +64,11 @@ def converged_and_paper_value_rows(entry: Row, meaning: Row, variables: Row) -> 
     """Yield the number of an entry, one for each of its `keys`: value, bar, and the range in which it is true."""
     for key in entry.get("keys", (None,)):
         here = variables | {"key": key}
-        value = _converged_and_paper_value(entry, here)
-        claimed = _claimed_range(entry, meaning, here)
-        numbers = {
-            "claimed": claimed.words, "low": claimed.low, "high": claimed.high, "paper": value.at_paper_resolution,
-            "converged": value.converged, "uncertainty": value.bar,
-        }  # fmt: skip
+        numbers = _claimed_range(entry, meaning, here) | _converged_and_paper_value(entry, here)
         yield {"name": render_sentence(entry["name"], here), **store.nulls_for_nonfinite(numbers)}
 
 
-class ConvergedAndPaperValue(NamedTuple):
-    converged: float
-    bar: float
-    at_paper_resolution: float | None
-
-
-def _converged_and_paper_value(entry: Row, variables: Row) -> ConvergedAndPaperValue:
+def _converged_and_paper_value(entry: Row, variables: Row) -> Row:
     """The value of an entry, its bar, and the value at the paper's resolution, if it names one.
 
     of : converged runs by scene; each gives the bar of its ladder.  paper : the paper's runs instead of them.
@@ -104,17 +93,14 @@ def _converged_and_paper_value(entry: Row, variables: Row) -> ConvergedAndPaperV
         paper = value(**dict(zip(of, paper_runs, strict=True)))
     elif paper is not None:
         paper = evaluate_expression(paper, variables)
-    return ConvergedAndPaperValue(value(), bar, paper)
+    return {"paper": paper, "converged": value(), "uncertainty": bar}
 
 
-class ClaimedRange(NamedTuple):
-    words: str
-    low: float | None  # None: no such end
-    high: float | None
+def _claimed_range(entry: Row, meaning: Row, variables: Row) -> Row:
+    """The range in which the claim is true, in words and by its ends.
 
-
-def _claimed_range(entry: Row, meaning: Row, variables: Row) -> ClaimedRange:
-    """The range in which the claim is true; meaning : numbers and reasons of words like "many"."""
+    meaning : numbers and reasons of words like "many".
+    """
     ends = {}
     reasons = [entry.get("reason", "")]
     for name in ("around", "within", "at_least", "at_most"):
@@ -122,19 +108,20 @@ def _claimed_range(entry: Row, meaning: Row, variables: Row) -> ClaimedRange:
             size, reason = meaning.get(entry[name], (entry[name], ""))
             ends[name] = evaluate_expression(size, variables)
             reasons.append(reason)
-    low = ends.get("at_least")
+    text = {name: plain_decimal_text(end) for name, end in ends.items()}
+    low = ends.get("at_least")  # None: no such end
     high = ends.get("at_most")
     if "around" in ends:
         low = ends["around"] - ends["within"]
         high = ends["around"] + ends["within"]
-        words = f"{plain_decimal_text(ends['around'])} ± {plain_decimal_text(ends['within'])}"
+        words = f"{text['around']} ± {text['within']}"
     elif low is None:
-        words = f"at most {plain_decimal_text(ends['at_most'])}"
+        words = f"at most {text['at_most']}"
     elif high is None:
-        words = f"at least {plain_decimal_text(low)}"
+        words = f"at least {text['at_least']}"
     else:
-        words = f"{plain_decimal_text(low)} to {plain_decimal_text(high)}"
-    return ClaimedRange(f"{words} ({next(filter(None, reasons), '')})", low, high)
+        words = f"{text['at_least']} to {text['at_most']}"
+    return {"claimed": f"{words} ({next(filter(None, reasons), '')})", "low": low, "high": high}
 
 
 def evaluate_expression(expression: str | float, variables: Row) -> float:

@@ -175,7 +175,7 @@ def _rattling_events(events: Events, car: Car, motion: LineMotion) -> set[int]:
     rattling = set[int]()
     rest = float(s[0])
     rested = False
-    for (i, stops, at), next_position in zip(own, next_positions, strict=True):
+    for (i, stops, at), next_position in zip(own, next_positions, strict=False):  # none without events
         rests_at = at if stops else next_position
         moves = abs(rests_at - rest) > car.drive.rest_distance
         stays = not rested and i == own[-1][0]
