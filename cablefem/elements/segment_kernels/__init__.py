@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +15,19 @@ from cablefem.newmark.marching import StepsWithFactors
 if TYPE_CHECKING:
     from cablefem.elements.bodies import CarLoadsAndMasses
     from cablefem.elements.line_balance import LineBalance
+    from cablefem.scene.rail import Rail
 
 TROLLEY_DATA = ("thrust", "brake", "hold", "sign", "rear_brake")  # of `contacts.Line`
+
+
+def rails_for_kernels(rails: Sequence[tuple[int, Rail]]) -> contacts.Rails:
+    """Those of cars on shoes; rails : with slots of x."""
+    return contacts.Rails(
+        np.array([x for x, _ in rails], int),
+        np.array([rail.begin.x for _, rail in rails]),
+        np.array([rail.end.x - rail.begin.x for _, rail in rails]),
+        np.array([rail.coefficients for _, rail in rails]).reshape(-1, 6),
+    )
 
 
 class Kernel:
@@ -59,12 +71,7 @@ class Kernel:
             first_wheel[self.of_trolleys],
             np.array([trolley.numbers for trolley in trolleys]).reshape(-1, 14),
         )
-        self.rails = contacts.Rails(
-            np.array([x for x, _ in system.rails], int),
-            np.array([rail.begin.x for _, rail in system.rails]),
-            np.array([rail.end.x - rail.begin.x for _, rail in system.rails]),
-            np.array([rail.coefficients for _, rail in system.rails]).reshape(-1, 6),
-        )
+        self.rails = rails_for_kernels(system.rails)
         self.force_rows = np.stack([system.force, system.force_rows], axis=1)
         self._known: tuple[Any, Any] = None, None  # the last data of cars, and as arrays
 
