@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import h5py
 import pytest
 
 from cablefem.response import Response
@@ -99,6 +100,23 @@ def test_a_column_one_percent_off_is_seen(stored_result, name, column):
     file.write_text(before)
     assert found
     assert all(fault.startswith(column) for fault in found)
+
+
+@pytest.mark.parametrize("of_frame", ["displacement", "tension", "velocity"])
+def test_an_animation_one_percent_off_is_seen(stored_result, of_frame):
+    _, of, _, _ = stored_result("a ride")
+    file = of.folder / of.methods[0] / "response.xdmf"
+    names = re.findall(rf'Name="{of_frame}".*?response\.h5:/(\w+)', file.read_text(), re.S)
+
+    def scale(factor):
+        with h5py.File(file.with_suffix(".h5"), "r+") as data:
+            for name in names:
+                data[name][...] = factor * data[name][...]
+
+    scale(1.01)
+    found = list(readback.FILES[file.name](file, of.runs[0]))
+    scale(1.0 / 1.01)
+    assert found
 
 
 def test_a_wrong_number_of_the_summary_is_seen(stored_result):

@@ -1,6 +1,8 @@
 """How a run ends, and where the rope hangs.  Depths are in metres below the left support."""
 
 import math
+from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +19,6 @@ from validation.core.measures import (
     position_where_mass_outruns_waves,
     slack_onset_before_far_support,
 )
-from validation.core.scene_data import max_depth_at
 
 STATIONS = 201  # stations of profile.csv
 
@@ -196,13 +197,16 @@ def profile_columns(r: Response) -> dict[str, Array]:
     for k in range(np.searchsorted(f.t, end, side="right")):
         depth.append(np.interp(x, rope.x[k], rope.y[k]))
         tension.append(np.interp(x, rope.x[k], rope.tension[k]))
-    valid = r.t <= end
-    depth_of_path = max_depth_at(x, r.x[valid], r.y[valid])  # between frames the car is the lowest point nearby
+    lowest = np.max(depth, axis=0)
+    for x_car, y_car in _path_pieces_sorted_in_x(r, end):  # between frames the car is the lowest point nearby
+        inside = (x >= x_car[0]) & (x <= x_car[-1])
+        y = np.interp(x[inside], x_car, y_car)
+        lowest[inside] = np.maximum(lowest[inside], y)
     return {
         "x": x,
         "y_rest": rest,
         "y_highest": np.min(depth, axis=0),
-        "y_lowest": np.maximum(np.max(depth, axis=0), depth_of_path),
+        "y_lowest": lowest,
         "tension_max": np.max(tension, axis=0),
         "tension_min": np.min(tension, axis=0),
     }
@@ -217,3 +221,15 @@ def write_summary_and_profile(folder: Path, scene: Scene, r: Response) -> None:
         answer["limits"] = judged
     write_json(folder / "summary.json", answer | r.summary())
     write_csv(folder / "profile.csv", profile_columns(r))
+
+
+def _path_pieces_sorted_in_x(r: Response, end_time: float) -> Iterator[tuple[Array, Array]]:
+    """Points x, y of the car up to a time [s], in pieces between its turns, each in order of rising x."""
+    x = r.x[r.t <= end_time]
+    y = r.y[r.t <= end_time]
+    directions = np.sign(np.diff(x))
+    turns = np.flatnonzero(np.diff(directions) != 0) + 1
+    for i, j in pairwise([0, *turns, x.size - 1]):  # both pieces have the turn
+        x_piece, y_piece = x[i : j + 1], y[i : j + 1]
+        rising = x_piece[-1] > x_piece[0]
+        yield (x_piece, y_piece) if rising else (x_piece[::-1], y_piece[::-1])

@@ -1,9 +1,11 @@
 """Files of a run against its stored fields."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -13,6 +15,8 @@ from validation.core.readback.stored import Faults, Run, StoredResults
 from validation.core.readback.verification import verification_faults
 from validation.core.scene_data import ROUNDING, Array, max_depth_at, series_faults
 from validation.core.stored_files import damaged_files_are_faults, read_csv_columns, read_json
+
+SINGLE_PRECISION = 1e-6  # relative
 
 
 @damaged_files_are_faults
@@ -120,6 +124,71 @@ def car_points_at_frames(run: Run) -> Array:
     return rest_curve(run["fields.s_o"]) + displacement
 
 
+def larger_extent_at_rest(run: Run) -> float:
+    """The larger [m] of width and height of the rope at rest."""
+    return float(max(np.ptp(run["fields.x"]), np.ptp(run["fields.y"])))
+
+
+def _rope_animation_faults(file: Path, run: Run) -> Faults:
+    """Points, velocity and tension of the rope in some frames; the car's two ends come last."""
+    extent = larger_extent_at_rest(run)
+    for k, frame in _read_some_animation_frames(file, run):
+        rope = _points_with_y_up(run["fields.x"] + run["fields.u"][k], run["fields.y"] + run["fields.v"][k])
+        rates = [run["fields.du"][k], run["fields.dv"][k]]
+        s_ends = run["fields.s_o"][[k, k]]
+        at_car = [np.interp(s_ends, run["fields.s"], rate) for rate in rates]
+        velocity = np.concatenate([_points_with_y_up(*rates), _points_with_y_up(*at_car)])
+        T = [*run["fields.T"][k], run["fields.T_behind"][k], run["fields.T_ahead"][k]]
+        moved = frame["points"] + frame["displacement"]  # (m + 2, 3)
+        yield from series_faults(f"rope in frame {k}", moved[:-2], rope, SINGLE_PRECISION, extent)
+        yield from _car_point_faults(k, moved[-1], run)
+        yield from series_faults(f"velocity in frame {k}", frame["velocity"], velocity, SINGLE_PRECISION)
+        yield from series_faults(f"tension in frame {k}", frame["tension"], np.array(T), SINGLE_PRECISION)
+
+
+def _mass_animation_faults(file: Path, run: Run) -> Faults:
+    """Point of the car and tension on its two sides in some frames."""
+    for k, frame in _read_some_animation_frames(file, run):
+        yield from _car_point_faults(k, frame["points"] + frame["displacement"], run)
+        for side in ("behind", "ahead"):
+            T = run[f"fields.T_{side}"][k : k + 1]
+            yield from series_faults(f"tension {side} in frame {k}", frame[f"tension_{side}"], T, SINGLE_PRECISION)
+
+
+def _car_point_faults(frame: int, point: Array, run: Run) -> Faults:
+    expected = _points_with_y_up(*car_points_at_frames(run)[frame])
+    yield from series_faults(f"car in frame {frame}", point, expected, 1e-4, larger_extent_at_rest(run))
+
+
+def _read_some_animation_frames(file: Path, run: Run) -> Iterator[tuple[int, dict[str, Array]]]:
+    """Numbers and arrays of some frames of an animation; ValueError if it has other times than the stored frames."""
+    grids: list[Any] = [x for x in ElementTree.parse(file).iter("Grid") if x.get("GridType") == "Uniform"]
+    times = np.array([float(grid.find("Time").get("Value")) for grid in grids])
+    if not np.array_equal(times, run["fields.t"]):
+        raise ValueError(f"{file}: frames at other times than were computed")
+    count = 5  # of an animation that are read
+    frames = np.linspace(0, len(grids) - 1, count).round()
+    for k in np.unique(frames.astype(int)).tolist():
+        parts = [part for part in grids[k] if part.tag != "Topology" and part.find("DataItem") is not None]
+        yield k, {part.get("Name") or "points": _read_xdmf_item(part.find("DataItem"), file) for part in parts}
+
+
+def _read_xdmf_item(item: Any, file: Path) -> Array:
+    """Values of an item of XDMF: in the file, or in the HDF5 beside it."""
+    import h5py  # seldom needed
+
+    text = item.text.strip()
+    if item.get("Format") != "HDF":
+        return np.array(text.split(), dtype=float)
+    with h5py.File(file.with_suffix(".h5")) as data:
+        return np.array(data[text.partition(":")[2]], dtype=float)
+
+
+def _points_with_y_up(x: Array, depth: Array) -> Array:
+    """Points (..., 3) of an animation, in which y points up and z is zero."""
+    return np.stack([x, -depth, 0.0 * x], axis=-1)
+
+
 def _summary_json_faults(file: Path, run: Run) -> Faults:
     """Numbers of summary.json that follow from the path; all others are as they are stored."""
     written = read_json(file)
@@ -142,10 +211,9 @@ FILES: dict[str, Callable[[Path, Run], Faults] | None] = {
     "path.csv": partial(_csv_faults, path_csv_columns),
     "tension.csv": partial(_csv_faults, _tension_csv_columns),
     "profile.csv": partial(_csv_faults, _profile_csv_columns),
+    "response.xdmf": _rope_animation_faults,
+    "mass.xdmf": _mass_animation_faults,
     "summary.json": _summary_json_faults,
+    "response.h5": None,  # by response.xdmf
     "response.npz": None,  # the stored fields themselves
-    # animations: the stored fields in another format
-    "response.xdmf": None,
-    "response.h5": None,
-    "mass.xdmf": None,
 }
