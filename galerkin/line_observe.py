@@ -36,7 +36,8 @@ class RopeHistory(NamedTuple):
 def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     """The motion at all states and at the stations s (m,)."""
     line = system.line
-    rope = _rope_history(system, states, s)
+    Z = _coordinates_of_states(system, states)
+    rope = _rope_history(system, Z, s)
     energies = rope.energies
     powers: dict[str, Array] = {}
     if line.rope.damping:
@@ -55,7 +56,7 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
         if isinstance(body, Counterweight):
             powers[f"{contact.name} weight"] = _counterweight_power(line, body, at)
     for car in system.off_rope.values():
-        at = _contact_state_off_rope(system, car, states)
+        at = _contact_state_off_rope(car, states, Z)
         motion, own_powers = _motion_and_powers_off_rope(line, car, states, at, tuple(contacts))
         cars.append(motion)
         powers |= own_powers
@@ -68,22 +69,31 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     )  # fmt: skip
 
 
-def _rope_history(system: LineSines, states: Sequence[State], s: Array) -> RopeHistory:
-    """The rope at all states and at the stations s (m,), computed for few states at once."""
+def _coordinates_of_states(system: LineSines, states: Sequence[State]) -> Array:
+    """All coordinates with their rates (3, n, layout.size)."""
+    t, q, v, a, phases = stack_states(states)
+    Z = np.empty((3, t.size, system.layout.size))
+    for phase in np.unique(phases).tolist():
+        of = phases == phase
+        Z[:, of] = system.coordinates_from_unknowns(t[of], q[of], v[of], a[of], phase)
+    return Z
+
+
+def _rope_history(system: LineSines, Z: Array, s: Array) -> RopeHistory:
+    """The rope with coordinates Z (3, n, .) and at the stations s (m,), computed for few instants at once."""
     layout = system.layout
-    n = len(states)
+    n = Z.shape[1]
     contact_values = np.empty((n, layout.contacts, ContactState.size))
     positions = np.empty((n, layout.contacts))
     points = np.empty((n, s.size, 2))
     tension = np.empty((n, s.size))
     energies = np.empty((3, n))
     integration = _legendre_integration_matrix(layout)
-    at_once = 64  # states
+    at_once = 64
     no_friction = np.zeros((at_once, layout.contacts, len(Friction._fields)))
     for first in range(0, n, at_once):
         some = slice(first, first + at_once)
-        coordinates = [system.all_coordinates_with_rates(x) for x in states[some]]
-        values = system.equations.evaluate(np.stack(coordinates, axis=1), no_friction)
+        values = system.equations.evaluate(np.ascontiguousarray(Z[:, some]), no_friction)
         contact_values[some] = values.contact_values.real
         positions[some] = values.Z[0][:, layout.s]
         energies[:, some] = _rope_energies(layout, values)
@@ -97,14 +107,14 @@ def _rope_history(system: LineSines, states: Sequence[State], s: Array) -> RopeH
     return RopeHistory(contact_values, positions, points, tension, energies)
 
 
-def _contact_state_off_rope(system: LineSines, car: CarOnShoeOffRope, states: Sequence[State]) -> ContactState:
-    """What acts on a car off the rope at all states."""
-    t, q, v, a, phases = stack_states(states)
+def _contact_state_off_rope(car: CarOnShoeOffRope, states: Sequence[State], Z: Array) -> ContactState:
+    """What acts on a car off the rope at all states, with coordinates Z."""
+    t = np.array([x.t for x in states])
+    phases = np.array([x.phase for x in states])
     values = np.empty((t.size, 1, ContactState.size))
     for phase in np.unique(phases).tolist():
         of = phases == phase
-        Z = system.coordinates_from_unknowns(t[of], q[of], v[of], a[of], phase)
-        values[of] = car.contact_state(t[of], Z, phase).values
+        values[of] = car.contact_state(t[of], Z[:, of], phase).values
     return ContactState(values)
 
 

@@ -215,9 +215,11 @@ class MovingLine:
     def prescribed_positions_with_rates(self, car: Car, t: Any, phase: int) -> Array:
         """The same (3, ...) at times t (...)."""
         assert car.travel is not None
+        if np.ndim(t) == 0:
+            return np.array(self.prescribed_position_with_rates(car, t, phase))
         i = self._car_phase_numbers[car.name][phase]
         if i < len(car.travel.phases):
-            return car.travel.positions_with_rates(np.asarray(t), i)
+            return car.travel.positions_with_rates(t, i)
         at_rest = self.prescribed_position_with_rates(car, 0.0, phase)
         return np.array([np.full(np.shape(t), x) for x in at_rest])
 
