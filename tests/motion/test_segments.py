@@ -84,3 +84,37 @@ def test_a_straight_rope_that_slides_through_its_contacts_feels_nothing(degree):
     ends[1] = ends[1] * [1.0, 1.01]
     nodes, _ = segments.node_and_end_rows(segments.fields_of_motion(Motion(*nodal, *ends)))
     assert np.abs(nodes[:, 1:-1]).max() > 1e-6 * scale
+
+
+def test_rows_are_lagrange_equations_of_the_rope():
+    """d/dt dL/dv - dL/dx by differences, L = int rho w^2/2 - W + q y ds, of a fast soft segment."""
+    segments = Segments(Elastic(mass_per_length=7.0, EA=2e3), 9.81, 2, 2)
+    rng = np.random.default_rng(11)
+    count = 2 * segments.nn
+    points = np.stack([np.linspace(0.0, 31.0, segments.nn), np.zeros(segments.nn)], axis=1)
+    x = np.append(points.ravel(), [2.0, 30.0]) + 0.3 * rng.standard_normal(count + 2)
+    v, a = 6.0 * rng.standard_normal((2, count + 2))
+
+    def fields(x, v, a):
+        nodes = [z[:count].reshape(1, -1, 2) for z in (x, v, a)]
+        return segments.fields_of_motion(Motion(*nodes, *(z[None, count:] for z in (x, v, a))))
+
+    def lagrangian(x, v):
+        p = fields(x, v, 0.0 * v)
+        density = 0.5 * segments.rho * (p.w_x**2 + p.w_y**2) - p.W + segments.q * p.depth
+        return float(np.sum(segments.weights * p.h * density))
+
+    def gradient(of, z, step):
+        shifts = step * np.eye(z.size)
+        return np.array([of(z + e) - of(z - e) for e in shifts]) / (2.0 * step)
+
+    def momentum(t):
+        at = x + t * (v + 0.5 * t * a)
+        return gradient(lambda rate: lagrangian(at, rate), v + t * a, 1.0)  # L is quadratic in v
+
+    dt = 1e-4
+    want = (momentum(dt) - momentum(-dt)) / (2.0 * dt) - gradient(lambda x: lagrangian(x, v), x, 1e-5)
+    nodes, ends = segments.node_and_end_rows(fields(x, v, a))
+    rows = np.append(nodes.ravel(), ends.ravel())
+    np.testing.assert_allclose(rows, want, rtol=0.0, atol=1e-6 * np.abs(want).max())
+    assert np.abs(rows - 1.001 * want).max() > 1e-4 * np.abs(want).max()
