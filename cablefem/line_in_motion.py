@@ -56,6 +56,8 @@ class LineInMotion(MarchingSystem):
         self.passages = possible_passages(self.line)
         self.gaps = [k for k, neighbours in enumerate(pairwise(touching)) if self._may_meet(*neighbours)]
         self.stops = [i for i in self.free_cars if cars[i].drive.has_friction_or_brakes]
+        self.standstills = dict.fromkeys(self.stops, (-math.inf, -math.inf))  # time [s] and s [m] of the last ones
+        self.adaptive = bool(self.stops) and self.line.longest_step < math.inf
         self.braked = [i for i in self.stops if cars[i].drive.brakes]
         names = [meeting_event_name(touching[k], touching[k + 1]) for k in self.gaps]
         names += [f"{cars[i].name} stops" for i in self.stops]
@@ -163,6 +165,31 @@ class LineInMotion(MarchingSystem):
         self.reached[i] = s
         self.set_friction_and_brakes(i, s, sign)
 
+    def step_fraction(self, x: State, since_event: float, time_ahead: float = 0.0) -> float:
+        """Less near a standstill of a car, where its friction turns; a power of 1/2, so that steps are often equal."""
+        longest = self.line.longest_step
+        steps = [self._longest_step_near_standstill(i, x, time_ahead) for i in self.stops]
+        return 2.0 ** math.floor(math.log2(min(longest, *steps) / longest))
+
+    def _longest_step_near_standstill(self, i: int, x: State, time_ahead: float) -> float:
+        """Half the time [s] to and since a standstill of a car, or half of that for which it sticks then, if longer.
+
+        A car that comes to a standstill sticks to the rope and sets it in motion until its friction has turned: for
+        about M/(2 sqrt(rho EA)), its mass over the impedance of the rope on both sides.  Steps grow while it rattles
+        within `rest_distance` of there: they damp the waves.
+        """
+        car = self.car_by_number[i]
+        t_standstill, s_standstill = self.standstills[i]
+        limit = x.t + time_ahead - t_standstill
+        if abs(x.q.item(self.travel_unknown(i)) - s_standstill) > car.drive.rest_distance:
+            velocity, acceleration = self.car_point_and_rates(car.name, x)[1:, 0].tolist()
+            velocity += time_ahead * acceleration
+            if velocity * acceleration < 0.0:
+                limit = min(limit, -velocity / acceleration)
+        rope = self.line.rope
+        sticking_time = car.mass / (2.0 * math.sqrt(rope.mass_per_length * rope.EA))
+        return 0.5 * max(limit, sticking_time)
+
     def begin_step(self, x: State) -> None:
         """Keep the direction of friction for one step."""
         for i in self.stops:
@@ -190,6 +217,9 @@ class LineInMotion(MarchingSystem):
     def _stop_or_slip_on(self, i: int, x: State) -> State:
         """The state after a standstill: friction holds the car, or it slips."""
         self.held_since[i] = x.t
+        s = x.q.item(self.travel_unknown(i))
+        if abs(s - self.standstills[i][1]) > self.car_by_number[i].drive.rest_distance:
+            self.standstills[i] = x.t, s
         held = self._state_with_slip(i, x, 0.0)
         margin = self.event_values(held)[self.events.index(f"{self.car_by_number[i].name} breaks loose")]
         return held if margin > 0.0 else self._start_slipping(i, held)

@@ -155,6 +155,7 @@ class MovingLine:
     contacts: tuple[Contact | Car, ...]
     t_end: float  # [s]
     gravity: float = 9.81  # [m/s2]
+    longest_step: float = math.inf  # [s] of the coarsest run, whose steps are shorter where friction turns
     cars_off_rope: tuple[Car, ...] = ()  # on rails over a saddle
     solve: Solver | None = field(default=None, compare=False)  # of lines at rest, where cars run over shoes
 

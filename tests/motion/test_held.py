@@ -20,7 +20,7 @@ from validation.commands.check.motion import check_line, compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, events_without_rattling, motion_answers
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_laws import every_nth_step
-from validation.core.motion_rows import LineRun, LineTolerance, law_row, relative_unbalanced_work
+from validation.core.motion_rows import LineRun, LineTolerance, law_row, moving_means, relative_unbalanced_work
 from validation.core.readback import moving_line_outcome_faults
 
 ROPE = """
@@ -324,3 +324,47 @@ def test_friction_holds_a_rider_until_its_release_leaves_it_more_than_friction(s
     moves = run.motion.t[np.flatnonzero(rider.ds > 1e-9)[0]]
     assert moves == pytest.approx(6.0 * x, abs=0.3)
     assert np.all(rider.ds[run.motion.t < 6.0 * x - 0.3] == 0.0)
+
+
+TURNING = """
+[cable]
+mass_per_length = 0.329
+EA = 3.206e+06
+tension = {at = "top", value = 1.257e+04}
+[[contact]]
+name = "top"
+kind = "anchor"
+at = [0.0, 0.0]
+[[contact]]
+name = "bottom"
+kind = "anchor"
+at = [598.4, 43.98]
+[[car]]
+name = "rider"
+mass = 59.0
+drive = {mode = "free", start = 5.01, rolling_friction = 0.0134, drag_area = 0.60, end = {time = 80.0}}
+"""
+
+
+@pytest.mark.parametrize("method", [ELEMENTS, SINES], ids=lambda method: method.name)
+def test_a_rider_turns_at_one_time_however_long_the_steps(method):
+    """Friction nearly holds him: 0.15 s more of it at the turn delay him by 0.3 s for the rest of the ride."""
+    runs = LineRuns(method, Line.from_toml(TURNING))
+    coarse, fine = (runs.run(4, steps) for steps in (1, 4))
+    assert [name for name, _ in coarse.events] == ["rider stops", "rider breaks loose"]
+    assert runs.grid[0][1] > 0.4  # [s] longer than he sticks
+    np.testing.assert_allclose([t for _, t in coarse.events], [t for _, t in fine.events], rtol=0.0, atol=2e-3)
+    for name in ("point", "velocity"):
+        at_end = [getattr(run.motion.cars[0], name)[-1] for run in (coarse, fine)]
+        np.testing.assert_allclose(*at_end, rtol=0.0, atol=2e-3)
+
+
+def test_a_value_that_lasts_for_an_instant_at_a_jump_is_in_no_mean_and_one_that_lasts_is():
+    t = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.0, 2.5, 3.0, 3.5])
+    steady = np.where(np.arange(t.size) < 5, 7.0, 3.0)
+    jumps = steady.copy()
+    jumps[[0, 5]] = 900.0
+    np.testing.assert_allclose(moving_means(t, jumps, 0.5), moving_means(t, steady, 0.5), rtol=1e-12)
+    lasting = steady.copy()
+    lasting[[0, 1]] = 900.0
+    assert moving_means(t, lasting, 0.5)[0] > 800.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any, Literal
@@ -284,6 +284,7 @@ class LineRuns:
         else:
             self.grid = [np.unique([t0, t1, *like.instants_between(t0, t1)]) for t0, t1 in phases]
             self.instants = like.instants_between(0.0, self.line.t_end)
+        self.line = replace(self.line, longest_step=max(float(np.diff(t).max()) for t in self.grid))
         self.fewest_steps = sum(t.size - 1 for t in self.grid)
         self.known: dict[Factors, LineRun] = {}  # runs made so far, by `run`'s arguments
         self.cut_at = math.inf  # see `append_marched_states`
