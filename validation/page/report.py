@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -131,14 +131,17 @@ def write_and_print_combined_report(root: Path, parts: Sequence[Part], broken: S
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.write_page("cablefem", sections, root / "report.html")
-    said = {section.id for section in broken}
-    for command, folder in results:
-        said_already = _id_of_broken_part(folder.name, command) in said
-        if (command, folder) not in finished and command != "report" and not said_already:
-            terminal.print_text(f"{folder} is left out: cablefem {command} did not finish there")
+    _print_left_out([result for result in results if result not in finished], {section.id for section in broken})
     print_findings(sections)
     terminal.print_text(f"written to {root}: report.html")
     return sections
+
+
+def _print_left_out(unfinished: Sequence[tuple[str, Path]], broken_ids: Collection[str]) -> None:
+    """Name results that did not finish; broken_ids : of sections that say so already."""
+    for command, folder in unfinished:
+        if command != "report" and _id_of_broken_part(folder.name, command) not in broken_ids:
+            terminal.print_text(f"{folder} is left out: cablefem {command} did not finish there")
 
 
 def _results_these_parts_first(root: Path, parts: Sequence[Part]) -> list[tuple[str, Path]]:

@@ -53,20 +53,22 @@ def command(
 
         from validation.commands.check import lines
 
-        beside = {"require": require, "sensitive": sensitive, "self_test": self_test}
-        return lines.check_lines(points, tol, tol_tension, out, second_line, **beside)
+        lines.refuse_before_check(points, second_line, self_test)
+        code, results = lines.check_lines(points, tol, tol_tension, out, second_line, require)
+        seen = lines.print_sensitivity_and_self_test(points[0].scene, results, tol, tol_tension, sensitive, self_test)
+        return code or int(not seen)
     faults = _option_faults(tol, tol_tension, with_tol, ask)
     loaded = options.with_limits_of_regulations(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
     points = options.grid_points_from_options(loaded, set_, case)
     if settings := sorted({key for point in points for key in point.settings}):
         raise store.Refused(f"--set {settings[0]}: check chooses its settings; keys of the scene have a dot")
-    if other is not None and len(points) > 1:
-        raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
 
     from validation.commands.check import spans
 
     asked: dict[str, Any] = {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
     if len(points) > 1:
+        if other is not None:
+            raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
         return spans.check_grid(loaded, points, out, require, **asked)
     loaded = points[0].scene
     third = None if other is None else (spans.read_vetted_path(other, loaded), with_tol)

@@ -12,36 +12,51 @@ from validation.page import terminal
 from validation.page.options import GridPoint
 
 
-def check_lines(
-    points: list[GridPoint], tol: float | None, tol_tension: float | None, out: Path | None, second: Line | None,
-    *, require: bool, sensitive: bool, self_test: bool,
-) -> int:  # fmt: skip
-    """Check lines at rest or in motion, write and print them; return the exit code.
-
-    second : a line for the second solver alone, or None.
-    """
-    moves = points[0].scene.moves
-    kind: Any = motion if moves else at_rest
-    tol = kind.TOL if tol is None else tol
+def refuse_before_check(points: list[GridPoint], second: Line | None, self_test: bool) -> None:
+    """Refuse a second line that is another one, and a self-test without a car."""
     if second is not None and any(_compared_parts(point.scene) != _compared_parts(second) for point in points):
         raise store.Refused("--second: must be a line with the same contacts, cars and positions")
     if self_test and not points[0].scene.car:
         raise store.Refused("--self-test: plants its fault in the mass of a car; must have one")
+
+
+def check_lines(
+    points: list[GridPoint], tol: float | None, tol_tension: float | None, out: Path | None, second: Line | None,
+    require: bool,
+) -> tuple[int, list[Any]]:  # fmt: skip
+    """Check lines at rest or in motion, write and print them; return the exit code and the answer, of a grid none.
+
+    second : a line for the second solver alone, or None.
+    """
+    kind = _kind(points[0].scene)
     results: list[Any] = []
 
     def check_one(line: Line, report: Any) -> Any:
-        how = {"report": report} if moves else {}  # at rest it takes a second
-        results.append(kind.check_line(line, tol, tol_tension, second, **how))
+        how = {"report": report} if line.moves else {}  # at rest it takes a second
+        results.append(kind.check_line(line, kind.TOL if tol is None else tol, tol_tension, second, **how))
         return results[-1]
 
-    code = answer_and_report_lines("check", points, out, check_one, require)
+    return answer_and_report_lines("check", points, out, check_one, require), results
+
+
+def print_sensitivity_and_self_test(
+    line: Line, results: list[Any], tol: float | None, tol_tension: float | None, sensitive: bool, self_test: bool
+) -> bool:
+    """Print what checks would notice, and whether a planted fault is seen; True without a self-test."""
+    kind = _kind(line)
     for result in results if sensitive else ():
         changes = kind.detectable_input_changes(result)
         terminal.print_text(f"  {sensitivity.detectable_changes_sentence(changes)}")
     if not self_test:
-        return code
-    verdict = selftest.line_verdict_with_mass_fault(kind.check_line, points[0].scene, tol, tol_tension)
-    return code or int(not selftest.fault_is_seen(verdict, results[0].methods[1], tol))
+        return True
+    tol = kind.TOL if tol is None else tol
+    faulty = selftest.check_with_mass_fault(kind.check_line, line, tol, tol_tension)
+    return selftest.fault_is_seen(faulty.verdict, faulty.methods[1], tol)
+
+
+def _kind(line: Line) -> Any:
+    """The module that checks it."""
+    return motion if line.moves else at_rest
 
 
 def _compared_parts(line: Line) -> list[tuple[str, ...]]:

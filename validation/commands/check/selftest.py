@@ -32,16 +32,12 @@ def verdict_with_mass_fault(result: Check) -> Verdict:
     return worst_deciding_verdict(compare(scene, result.a, faulty, tol=result.tol))
 
 
-def line_verdict_with_mass_fault(
-    check_line: Callable[..., Any], line: Line, tol: float, tol_tension: float | None
-) -> Verdict:
-    """Check a line whose second solver has 1 % more mass of the first car.
+def check_with_mass_fault(check_line: Callable[..., Any], line: Line, tol: float, tol_tension: float | None) -> Any:
+    """The check of a line whose second solver has 1 % more mass of the first car.
 
     check_line : of a line at rest or in motion.
     """
-    fault = {f"car.{line.car[0].name}.mass": FAULT["mass.mass"]}
-    verdict: Verdict = check_line(line, tol, tol_tension, line.replace(fault)).verdict
-    return verdict
+    return check_line(line, tol, tol_tension, line.replace({f"car.{line.car[0].name}.mass": FAULT["mass.mass"]}))
 
 
 def fault_is_seen(verdict: Verdict, method: str, tol: float) -> bool:

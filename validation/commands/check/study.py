@@ -320,14 +320,20 @@ def _goals_for_row(row: Agreement, method: str, for_larger_bar: bool) -> Iterato
         bar = sum(parts)
         if of.name != method or (bar == largest) is not for_larger_bar:
             continue
-        others = row.allowed - bar if math.isfinite(row.allowed) else 0.0
-        room = row.required - others  # what the other bars leave of the tolerance
+        room = _room_for_bar(row, bar)
         if for_larger_bar:
             room = max(room, row.required / 2.0)
         if room <= 0.0:
             continue
         falls = min(1.0, row.allowed / row.gap) if row.gap else 1.0  # a gap beyond the bars falls as they do
         yield Goal(parts, room * falls, math.inf if "path" in row.quantity else 1.0)
+
+
+def _room_for_bar(row: Agreement, bar: float) -> float:
+    """What the other bars of a row leave of its tolerance."""
+    assert row.required is not None
+    others = row.allowed - bar if math.isfinite(row.allowed) else 0.0
+    return row.required - others
 
 
 def _import_judging_modules() -> None:

@@ -169,14 +169,11 @@ def events_without_rattling(events: Events, line: MovingLine, motion: LineMotion
 def _rattling_events(events: Events, car: Car, motion: LineMotion) -> set[int]:
     """Indices of the events of one car that leave it within `rest_distance` of where it came to rest."""
     s = next(moved for moved in motion.cars if moved.name == car.name).s
-    kinds = {f"{car.name} stops": True, f"{car.name} breaks loose": False}
-    own = [(i, kinds[name], float(np.interp(t, motion.t, s))) for i, (name, t) in enumerate(events) if name in kinds]
-    next_positions = [*(at for _, _, at in own[1:]), float(s[-1])]
+    own = _stops_and_starts(events, car.name, motion.t, s)
     rattling = set[int]()
     rest = float(s[0])
     rested = False
-    for (i, stops, at), next_position in zip(own, next_positions, strict=False):  # none without events
-        rests_at = at if stops else next_position
+    for i, stops, rests_at in own:
         moves = abs(rests_at - rest) > car.drive.rest_distance
         stays = not rested and i == own[-1][0]
         lasts = moves or stays if stops else moves and rested
@@ -186,6 +183,18 @@ def _rattling_events(events: Events, car: Car, motion: LineMotion) -> set[int]:
             rest = rests_at
             rested = True
     return rattling
+
+
+def _stops_and_starts(events: Events, name: str, t: Array, s: Array) -> list[tuple[int, bool, float]]:
+    """Events of a car: index among all, whether it stops or breaks loose, and where it stops, or will stop next.
+
+    t, s : times and positions of the car (n,).
+    """
+    kinds = {f"{name} stops": True, f"{name} breaks loose": False}
+    own = [(i, kinds[event], time) for i, (event, time) in enumerate(events) if event in kinds]
+    at_events = np.interp([time for _, _, time in own], t, s)
+    positions = [*at_events.tolist(), float(s[-1])]
+    return [(i, stops, positions[n] if stops else positions[n + 1]) for n, (i, stops, _) in enumerate(own)]
 
 
 def coarser_factors(space_factor: int, time_factor: int) -> tuple[list[Factors], list[Factors]]:
@@ -432,14 +441,17 @@ class MotionAnswers(LineAnswers):
             bar = d["bar"] or 0.0
             limit = TOUCHES if obstacle else 1.0
             if d["value"] + bar < limit:
-                strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
-                end = Outcome("breaks", f"{body} is loaded beyond its breaking load of {strength}")
-                if obstacle:
-                    end = Outcome("collides", f"would collide: {body} hits {obstacle} by {-d['value']:.2f} m")
-                failures.append(end)
+                failures.append(self._break_or_collision(body, obstacle, d["value"]))
             elif d["value"] - bar < limit:
                 doubts.append(f"too close to tell whether {body} {f'clears {obstacle}' if obstacle else 'breaks'}")
         return failures, doubts
+
+    def _break_or_collision(self, body: str, obstacle: str, clearance: float) -> Outcome:
+        """That a body hits an obstacle, by a clearance [m] below 0; that the rope breaks for an obstacle ""."""
+        if obstacle:
+            return Outcome("collides", f"would collide: {body} hits {obstacle} by {-clearance:.2f} m")
+        strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
+        return Outcome("breaks", f"{body} is loaded beyond its breaking load of {strength}")
 
     def _end_outcome_unless_broken(self) -> Outcome | None:
         """How the run ends; None for one that broke."""

@@ -88,7 +88,7 @@ def sweep(
                     _dask_client(workers, scheduler, min(len(todo), LARGEST), raise_if_interrupted) as client,
                 ):
                     tally.dashboard = client.dashboard_link or ""
-                    for rows in _compute_rows(client, study, todo, work, raise_if_interrupted):
+                    for rows in filter(None, _compute_rows(client, study, todo, work, raise_if_interrupted)):
                         write_rows(out, study, rows)
                         tally.status.update(row["status"] for row in rows)
                         progress("sweep", tally.done / tally.total, str(tally))
@@ -104,49 +104,71 @@ def sweep(
 def _compute_rows(
     client: Any, study: Study, todo: deque[int], work: Work, raise_if_interrupted: Callable[[], None]
 ) -> Iterator[list[Row]]:
-    """Yield the rows of all scenes, chunk by chunk.
+    """Yield the rows of all scenes, chunk by chunk; none for a chunk whose worker died."""
+    from distributed import wait
+
+    chunks = _Chunks(client, study, todo, work, capacity=max(1, sum(client.nthreads().values())))
+    chunks.submit()
+    while chunks.running:
+        raise_if_interrupted()
+        try:
+            ended = wait(list(chunks.running), timeout=0.2, return_when="FIRST_COMPLETED").done
+        except TimeoutError:
+            continue
+        for future in ended:
+            rows = chunks.take_rows(future)
+            chunks.submit()
+            yield rows
+
+
+@dataclass(slots=True)
+class _Chunks:
+    """Scenes to do, and chunks of them that workers compute.
 
     Dask retries a chunk once if its worker died; then each of its scenes is a chunk.
     No chunk waits at a worker: it would die with it.
     """
-    from distributed import wait
 
-    capacity = max(1, sum(client.nthreads().values()))  # chunks that run at once
-    size = 1
-    running: dict[Any, list[int]] = {}  # scenes by future
-    suspects = deque[int]()  # one of them may end its worker
-    finished: list[list[Row]] = []
-    while suspects or todo or running:
-        while (suspects or todo) and len(running) < capacity:
-            share = max(1, len(todo) // (2 * capacity))  # smaller at the end: all workers end together
-            queue, count = (suspects, 1) if suspects else (todo, min(size, share))
-            chunk = [queue.popleft() for _ in range(count)]
-            numbered = [(i, study.point(i)) for i in chunk]
-            running[client.submit(work, study, numbered, pure=False)] = chunk
-        yield from finished  # after the next chunks are on their way
-        finished.clear()
-        raise_if_interrupted()
-        try:
-            ended = wait(list(running), timeout=0.2, return_when="FIRST_COMPLETED").done
-        except TimeoutError:
-            continue
-        for future in ended:
-            chunk = running.pop(future)
-            if future.status == "finished":
-                finished.append(future.result())
-                size = min(_chunk_size(finished[-1]), 4 * max(size, len(chunk)))
-            elif len(chunk) == 1:
-                finished.append([job.row_of_lost_scene(study, chunk[0], type(future.exception()).__name__)])
+    client: Any
+    study: Study
+    todo: deque[int]
+    work: Work
+    capacity: int  # chunks that run at once
+    size: int = 1
+    running: dict[Any, list[int]] = field(default_factory=dict)  # scenes by future
+    suspects: deque[int] = field(default_factory=deque)  # one of them may end its worker
+
+    def submit(self) -> None:
+        """Submit chunks until every worker has one."""
+        while (self.suspects or self.todo) and len(self.running) < self.capacity:
+            share = max(1, len(self.todo) // (2 * self.capacity))  # smaller at the end: all workers end together
+            if self.suspects:
+                chunk = [self.suspects.popleft()]
             else:
-                suspects.extend(chunk)
-            future.release()
-    yield from finished
+                chunk = [self.todo.popleft() for _ in range(min(self.size, share))]
+            numbered = [(i, self.study.point(i)) for i in chunk]
+            self.running[self.client.submit(self.work, self.study, numbered, pure=False)] = chunk
+
+    def take_rows(self, future: Any) -> list[Row]:
+        """The rows of a chunk that ended, and the size of the next ones; none where its worker died with several."""
+        chunk = self.running.pop(future)
+        rows = list[Row]()
+        if future.status == "finished":
+            rows = future.result()
+            seconds = 1.0  # of work in a chunk; its transfer and file cost about 10 ms
+            self.size = min(_chunk_size(seconds, rows), 4 * max(self.size, len(rows)))
+        elif len(chunk) == 1:
+            rows = [job.row_of_lost_scene(self.study, chunk[0], type(future.exception()).__name__)]
+        else:
+            self.suspects.extend(chunk)
+        future.release()
+        return rows
 
 
-def _chunk_size(timed_rows: list[Row]) -> int:
-    """How many scenes make a second of work, from 1 to LARGEST; transfer and file of a chunk cost about 10 ms."""
-    seconds = sum(row.get("seconds") or 0.0 for row in timed_rows)
-    return int(np.clip(len(timed_rows) / max(seconds, 1e-9), 1, LARGEST))
+def _chunk_size(seconds: float, timed_rows: list[Row]) -> int:
+    """How many scenes take `seconds`, from 1 to LARGEST, judged by rows with their time."""
+    took = sum(row.get("seconds") or 0.0 for row in timed_rows)
+    return int(np.clip(seconds * len(timed_rows) / max(took, 1e-9), 1, LARGEST))
 
 
 def write_rows(out: Path, study: Study, rows: list[Row]) -> None:
@@ -155,8 +177,7 @@ def write_rows(out: Path, study: Study, rows: list[Row]) -> None:
     from pyarrow import parquet
 
     texts = [name for name, axis in study.axes.items() if not axis.numeric]
-    # a word as it is; numbers, lists and tables beside words as JSON
-    rows = [row | {name: x if isinstance(x := row[name], str) else json.dumps(x) for name in texts} for row in rows]
+    rows = [row | {name: _text_of_value(row[name]) for name in texts} for row in rows]
     table = pyarrow.Table.from_pylist(rows, _parquet_schema(study))
     with atomic_write(out / "rows" / f"{rows[0]['index']:08d}-{len(rows)}.parquet") as temporary:
         parquet.write_table(table, temporary)
@@ -178,6 +199,11 @@ def _result_types() -> dict[str, Any]:
     counts = dict.fromkeys(job.COLUMNS["counts"], pa.int64())
     design = [name for quantity in job.DESIGN for name in (quantity, f"{quantity}_bar")]
     return words | counts | dict.fromkeys([*job.GROUPS, *design, *job.COLUMNS["numbers"]], pa.float64())
+
+
+def _text_of_value(value: Any) -> str:
+    """A word as it is; numbers, lists and tables beside words as JSON."""
+    return value if isinstance(value, str) else json.dumps(value)
 
 
 def read_rows(out: Path, *columns: str) -> "DataFrame":
