@@ -43,7 +43,7 @@ class LineInMotion(MarchingSystem):
     """A subclass sets the attributes, calls `watch` and defines the methods that raise; it numbers the cars."""
 
     line: MovingLine
-    coordinates_from_unknowns: Callable[..., Any]  # all coordinates with their rates in states t, q, v, a, phase
+    all_coordinates_from_unknowns: Callable[..., Any]  # all coordinates with their rates in states t, q, v, a, phase
     reached: Any  # s up to which the brakes of free cars act, by number
     held_since: Any  # [s] when friction last stopped free cars
     of_cars: tuple[str, ...]  # names of the arrays, by number, in which friction is kept
@@ -127,10 +127,10 @@ class LineInMotion(MarchingSystem):
 
     def car_point_and_rates(self, name: str, x: State) -> Array:
         """The same (3, 2) in a state."""
-        return self.car_points_and_rates(name, x.t, self.coordinates_from_unknowns(*x), x.phase)
+        return self.car_points_and_rates(name, x.t, self.all_coordinates_from_unknowns(*x), x.phase)
 
     def event_values_at(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
-        coordinates = self.coordinates_from_unknowns(t, q, v, a, phase)
+        coordinates = self.all_coordinates_from_unknowns(t, q, v, a, phase)
         with np.errstate(all="ignore"):  # contacts that meet
             s, forces = self.contact_positions_and_forces(t, coordinates, phase)
         gaps = np.diff(s)[..., self.gaps] - NEAREST

@@ -75,7 +75,7 @@ def _coordinates_of_states(system: LineSines, states: Sequence[State]) -> Array:
     Z = np.empty((3, t.size, system.layout.size))
     for phase in np.unique(phases).tolist():
         of = phases == phase
-        Z[:, of] = system.coordinates_from_unknowns(t[of], q[of], v[of], a[of], phase)
+        Z[:, of] = system.all_coordinates_from_unknowns(t[of], q[of], v[of], a[of], phase)
     return Z
 
 

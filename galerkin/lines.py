@@ -103,14 +103,14 @@ class LineSines(LineInMotion):
                 Z[..., at[front]] = self.line.prescribed_positions_with_rates(car, t, phase)
             else:
                 Z[0, ..., layout.s[front]] = car.drive.start
-                Z[2, ..., layout.F[k]] = self.line.thrust(car, t, phase)
+                Z[2, ..., layout.F[k]] = self.line.thrust_of_free_car(car, t, phase)
         return Z
 
     def all_coordinates_with_rates(self, x: State) -> Array:
         """All coordinates of a state with their rates (3, layout.size)."""
-        return self.coordinates_from_unknowns(*x)[:, 0]
+        return self.all_coordinates_from_unknowns(*x)[:, 0]
 
-    def coordinates_from_unknowns(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
+    def all_coordinates_from_unknowns(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
         """All coordinates with their rates (3, n, layout.size)."""
         Z = self.prescribed_coordinates(np.ravel(t), phase)
         for rates, unknowns in zip(Z, (q, v, a), strict=True):
@@ -243,7 +243,7 @@ class LineSines(LineInMotion):
         state = self.held_equations.contact_state(values.contact_values[-1], k)
         cos_phi = float(state.wheels[-1].cos_phi)
         drive = body.car.drive
-        thrust = self.line.thrust(body.car, 0.0, 0) * math.cos(drive.thrust_angle)
+        thrust = self.line.thrust_of_free_car(body.car, 0.0, 0) * math.cos(drive.thrust_angle)
         self.holds[k] = float(body.tangential_force_on_last_wheel(state)) / cos_phi
         needed = self.holds[k] - thrust / cos_phi
         s = float(Z[0, self.layout.s[self.travel_contact[k]]])

@@ -77,14 +77,14 @@ class FullCable:
         """y of the cable at rest, below the left support."""
         return np.asarray(self.groups.coordinates(s)[1])
 
-    def force_energy_and_tangent_rows(self, s: Array, w_s: Array) -> Array:
+    def pointwise_force_energy_and_tangent(self, s: Array, w_s: Array) -> Array:
         """Rows of `kernels.force_energy_and_tangent` at s (m,) for displacements of slope w' (2, m)."""
         T, xp, yp = self.groups.tension_and_slope(s)
         return kernels.force_energy_and_tangent(T, np.array([xp, yp]), np.ascontiguousarray(w_s), self.alpha, self.law)
 
     def force_and_tangent_at_point(self, s: Array, w_s: Array) -> tuple[Array, Array]:
         """N t - T t_static (2,) at one s for w', and its derivative (2, 2) by w'."""
-        rows = self.force_energy_and_tangent_rows(np.atleast_1d(s), w_s[:, None])[:, 0]
+        rows = self.pointwise_force_energy_and_tangent(np.atleast_1d(s), w_s[:, None])[:, 0]
         xx, xy, yy = rows[4:7]
         return rows[2:4], np.array([[xx, xy], [xy, yy]])
 

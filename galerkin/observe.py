@@ -210,7 +210,7 @@ def _full_cable_forces(
     if x.system.by_force:
         both = np.array([balanced.behind, balanced.ahead])
         sides = slopes_from_forces(both, slopes, T_o, cable.alpha)
-    left, right = (cable.force_energy_and_tangent_rows(x.s_o, (side - static_o).T) for side in sides)
+    left, right = (cable.pointwise_force_energy_and_tangent(x.s_o, (side - static_o).T) for side in sides)
     mean_force = T_o * static_o.T + 0.5 * (left[2:4] + right[2:4])  # <N t>
     kink = (sides[1] - sides[0]).T  # [r']
     material_force = np.sum(mean_force * kink, axis=0) - (right[1] - left[1])
@@ -219,7 +219,7 @@ def _full_cable_forces(
         smallest = np.maximum(smallest, 0.0)
     smallest_at = np.where(smallest < balanced.min_tension, x.s_o, balanced.min_tension_at)
     along = signed_tension(balanced.along, static + w_s.transpose(0, 2, 1))
-    pointwise = np.array([cable.force_energy_and_tangent_rows(s, slope)[0] for slope in w_s])
+    pointwise = np.array([cable.pointwise_force_energy_and_tangent(s, slope)[0] for slope in w_s])
     fields = {
         "T_behind": behind, "T_behind_pointwise": left[0] + none_behind, "reaction_left": -balanced.left,
         "T_ahead": ahead, "T_ahead_pointwise": right[0] + none_ahead, "reaction_right": balanced.right,

@@ -13,7 +13,7 @@ from cablefem.shoes import LineSnapshot, Passage, line_and_snapshot_after_passag
 
 def system_after_passage(system: LineElements, passage: Passage, x: State) -> tuple[LineElements, State]:
     """The line after a passage, and its state: r interpolated, velocities by least squares."""
-    before = system.coordinates_from_unknowns(*x)
+    before = system.all_coordinates_from_unknowns(*x)
     off_rope = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.cars_off_rope}
     snapshot = _line_snapshot_of(system, before, off_rope)
     line, snapshot = line_and_snapshot_after_passage(system.line, passage, x.t, x.phase, snapshot)

@@ -97,7 +97,7 @@ class LineBalance(LineCoordinates):
         return []
 
     # --- coordinates ---------------------------------------------------------------------------------------------
-    def coordinates_from_unknowns(self, t: Array | float, q: Array, v: Array, a: Array, phase: int) -> Coordinates:
+    def all_coordinates_from_unknowns(self, t: Array | float, q: Array, v: Array, a: Array, phase: int) -> Coordinates:
         """All coordinates (..., size), from the unknowns (..., n_dof) and what is prescribed at t (...)."""
         out = self.prescribed_coordinates(t, phase)
         out[..., self._unknown] = q, v, a
@@ -110,7 +110,7 @@ class LineBalance(LineCoordinates):
 
     # --- rows --------------------------------------------------------------------------------------------------
     def residual(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
-        x = self.coordinates_from_unknowns(t, q, v, a, phase)
+        x = self.all_coordinates_from_unknowns(t, q, v, a, phase)
         rows = self.balance_rows(t, x, phase)[..., self._unknown]
         rows[..., self.sticking_unknowns] = 0.0  # needs none, its s.. stays 0
         return rows
@@ -164,7 +164,7 @@ class LineBalance(LineCoordinates):
         thrust = np.empty((*np.shape(t), len(self.car_contacts)))
         hold = np.empty(thrust.shape)
         for i, car in enumerate(self.line.cars_on_rope):
-            thrust[..., i] = self.line.thrust(car, t, phase)
+            thrust[..., i] = self.line.thrust_of_free_car(car, t, phase)
             hold[..., i] = self.hold[i] * car.drive.remaining_hold_fraction(t)
         return cars._replace(thrust=thrust, hold=hold)
 
@@ -176,7 +176,7 @@ class LineBalance(LineCoordinates):
         self, t: float, q: Array, v: Array, a: Array, phase: int, cs: Sequence[TangentFactors]
     ) -> list[Solve]:
         """The solutions for all unknowns; cars that stick have 0 in both sides."""
-        x = self.coordinates_from_unknowns(t, q, v, a, phase)
+        x = self.all_coordinates_from_unknowns(t, q, v, a, phase)
         cars = self.car_loads_and_masses(t, phase)
         derivatives = self._derivatives(x, self.law, cars, self.moving_coordinates)
         solves: list[Any] = [CoordinateSolve(derivatives.factorise(c), self.size, self._unknown) for c in cs]

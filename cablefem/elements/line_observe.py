@@ -39,7 +39,7 @@ class _History:
         self.none = np.full(self.t.size, np.nan)
         coordinates = np.empty((3, self.t.size, system.size))
         for phase, of in self.states_by_phase():
-            coordinates[:, of] = system.coordinates_from_unknowns(self.t[of], q[of], v[of], a[of], phase)
+            coordinates[:, of] = system.all_coordinates_from_unknowns(self.t[of], q[of], v[of], a[of], phase)
         self.coordinates = Coordinates(*coordinates)  # (n, size) each
         self.q, self.v, self.a = self.coordinates
         motion = system.segment_motion(self.coordinates)

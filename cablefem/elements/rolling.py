@@ -103,7 +103,7 @@ class RollingElements(RollingCar, FollowingElements):
             self.events_from = begin + 0.9 * (end - begin)
 
     def _car_and_kernel_inputs(self, t: Array, phase: int) -> tuple[Any, Array]:
-        bounds = self._event_bounds if len(t) > 1 else NO_BOUNDS
+        bounds = self._event_free_bounds if len(t) > 1 else NO_BOUNDS
         return kernels.CarOnMesh(self._kernel_car, self._at_car, bounds), self._drive_inputs(t, phase)
 
     def _drive_inputs(self, t: Array, phase: int) -> Array:
@@ -120,7 +120,7 @@ class RollingElements(RollingCar, FollowingElements):
         return inputs
 
     @property
-    def _event_bounds(self) -> Array:
+    def _event_free_bounds(self) -> Array:
         """`bounds` of `kernels.car_is_before_event`.
 
         A hauled car has a margin: schemes may balance it before the end of the step.

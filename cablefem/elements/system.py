@@ -119,7 +119,7 @@ class LineElements(LineInMotion, LineBalance):
         self.rear_brakes[i] = drive.rear_brake_force(s)
 
     def holding_force(self, i: int, x: State) -> float:
-        z = self.coordinates_from_unknowns(*x)
+        z = self.all_coordinates_from_unknowns(*x)
         return float(self._holding_force(i, z, self.balance_rows(x.t, z, x.phase)))
 
     def _holding_force(self, i: int, z: Coordinates, rows: Array) -> Array:

@@ -109,7 +109,7 @@ def set_residuals_return_norm(march: March, k: int) -> float:
     x = march.x
     step = step_of(march, k)
     for i in range(x.shape[0]):
-        set_node_state(step, i, x[i])
+        set_node_state_from_accelerations(step, i, x[i])
     march.set_residuals(march.system, k, x, march.r)
     square = 0.0
     for rows in march.r:
@@ -158,7 +158,7 @@ def subtract_corrections(march: March, k: int, fraction: float) -> None:
 
 
 @inner
-def set_node_state(step: Any, i: int, x: Array) -> None:
+def set_node_state_from_accelerations(step: Any, i: int, x: Array) -> None:
     """Set the state x at a node of a `Step`: q = q0 + c dt v0 + dt^2 (A A a), v = v0 + dt A a."""
     q0 = step.start[0]
     v0 = step.start[1]

@@ -267,8 +267,8 @@ class MovingLine:
                 return math.copysign(1.0, end - begin)
         return 1.0
 
-    def thrust(self, car: Car, t: Any, phase: int) -> Any:
-        """Thrust [N] of a free car along the mean tangent at t, of any shape."""
+    def thrust_of_free_car(self, car: Car, t: Any, phase: int) -> Any:
+        """Thrust [N] of a free car along the mean tangent at t, of any shape; phase : of the line."""
         last = len(car.drive.phases) - 1  # another car may move for longer
         own = min(self._car_phase_numbers[car.name][phase], last)
         return car.drive.thrust(t, own) if car.drive.thrust_table else 0.0 * t

@@ -262,7 +262,7 @@ class Drive:
 
     def thrust(self, t: Any, phase: Any) -> Any:
         """Thrust at t; any shapes."""
-        value, slope, t0 = self._thrust_by_phase[:, phase]
+        value, slope, t0 = self._thrust_slope_and_start_by_phase[:, phase]
         return value + slope * (t - t0)
 
     def remaining_hold_fraction(self, t: Any) -> Any:
@@ -336,7 +336,7 @@ class Drive:
         return min(1.0, min(limits) / step)
 
     @cached_property
-    def _thrust_by_phase(self) -> np.ndarray:
+    def _thrust_slope_and_start_by_phase(self) -> np.ndarray:
         """Thrust, its slope and the time at the start of each phase: (3, n)."""
         out = np.zeros((3, len(self.phases)))
         for i, (t0, t1) in enumerate(self.phases):

@@ -628,7 +628,7 @@ def _position_faults(placed: Sequence[Car], contacts: Sequence[Contact]) -> list
         return [f"car.at: {lists}; must be one number or lists of one length"]
     faults = []
     for car in placed:
-        faults += _faults_of_positions_on_line(car, contacts)
+        faults += _off_line_and_missing_shoe_faults(car, contacts)
     for a, b in itertools.pairwise(placed):
         faults += _order_faults(a, b)
     return faults + _overlapping_shoe_faults(contacts)
@@ -647,7 +647,7 @@ def _missing_shoe_faults(name: str, passed: Sequence[Contact]) -> list[str]:
     return [f"contact.{x}.shoe: missing; must be given where a car passes, here {name}" for x in missing]
 
 
-def _faults_of_positions_on_line(car: Car, contacts: Sequence[Contact]) -> list[str]:
+def _off_line_and_missing_shoe_faults(car: Car, contacts: Sequence[Contact]) -> list[str]:
     """Faults of positions off the line, and of saddles without shoe that a car passes."""
     low = min(car.x_at_rest)
     high = max(car.x_at_rest)

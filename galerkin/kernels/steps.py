@@ -155,7 +155,7 @@ def set_residual_and_derivatives(
 
 
 @inner
-def set_residual_return_instant_car_norm(now: Instant, step: Step) -> tuple[Instant, Car, float]:
+def set_step_residual_return_instant_car_norm(now: Instant, step: Step) -> tuple[Instant, Car, float]:
     """Evaluate w end + (1 - w) begin, w of the rule; return `Instant`, car and |r|, NaN off the cable."""
     workspace = step.workspace
     for k in range(3):
@@ -223,7 +223,7 @@ def correct_end_until_residual_falls(
     norm = math.inf
     for _ in range(newton.halvings + 1):
         correct_end(step.rule, step.end, step.workspace.step, fraction)
-        now, car, norm = set_residual_return_instant_car_norm(now, step)
+        now, car, norm = set_step_residual_return_instant_car_norm(now, step)
         evaluations += 1
         if norm < norm_before or (iterations < newton.patience and norm < math.inf):
             break
@@ -238,7 +238,7 @@ def solve_step(now: Instant, step: Step, newton: Newton) -> StepOutcome:
     workspace = step.workspace
     c = rule[0, 4] * rule[0, 3], rule[1, 4] * rule[1, 3], rule[2, 4] * rule[2, 3]
     set_predicted_end(rule, step.begin, step.end)
-    now, car, norm = set_residual_return_instant_car_norm(now, step)
+    now, car, norm = set_step_residual_return_instant_car_norm(now, step)
     iterations = 0
     factorisations = 0
     evaluations = 0

@@ -103,7 +103,7 @@ def test_files_of_one_span(tmp_path):
     (method,) = [file.parent.name for file in tmp_path.glob("*/summary.json")]
 
     def read():
-        yield from readback.file_limit_and_verification_faults(readback.StoredResults(tmp_path, [method], judged=False))
+        yield from readback.faults_of_stored_results(readback.StoredResults(tmp_path, [method], judged=False))
 
     assert_columns_are_missed(faults_of_damaged_files(tmp_path, [read]))
 

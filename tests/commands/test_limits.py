@@ -172,14 +172,14 @@ def test_limits_are_printed_stored_and_read_back(cablefem):
     assert "lines of 6 mph (10 km/h) or less" in out
     of = readback.StoredResults(Path("x"), ["quasi-static"], judged=False)
     page = Path("x/report.html").read_text()
-    assert [*readback.file_limit_and_verification_faults(of), *readback.page_faults(page, "run", of)] == []
+    assert [*readback.faults_of_stored_results(of), *readback.page_faults(page, "run", of)] == []
     assert of.unread == []
     file = Path("x/quasi-static/summary.json")
     stored = json.loads(file.read_text())
     stored["limits"][0]["verdict"] = "not met" if stored["limits"][0]["verdict"] == "met" else "met"
     file.write_text(json.dumps(stored))
     forged = readback.StoredResults(Path("x"), ["quasi-static"], judged=False)
-    assert any("limits: " in fault for fault in readback.file_limit_and_verification_faults(forged))
+    assert any("limits: " in fault for fault in readback.faults_of_stored_results(forged))
     assert any("no such limit" in fault for fault in readback.page_faults(page, "run", forged))
     code, _, err = cablefem("run", "zip.toml", "--limits", "acct")
     assert (code, err.count("\n")) == (2, 1)

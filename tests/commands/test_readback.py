@@ -58,7 +58,7 @@ def stored_result(tmp_path_factory):
 def test_all_that_is_written_and_printed_has_a_reader(stored_result, name):
     command, of, lines, page = stored_result(name)
     assert [
-        *readback.file_limit_and_verification_faults(of),
+        *readback.faults_of_stored_results(of),
         *readback.page_faults(page, command, of),
         *readback.terminal_faults(lines, of),
     ] == []
@@ -126,7 +126,7 @@ def test_a_wrong_number_of_the_summary_is_seen(stored_result):
     for key, value in (("reached", 0.97), ("n_dof", 3), ("max_deflection", 3.0), ("news", 1)):
         file.write_text(json.dumps(json.loads(before) | {key: value}))
         assert any(key in fault for fault in readback.FILES[file.name](file, of.runs[0]))
-    assert any(fault.startswith(str(file)) for fault in readback.file_limit_and_verification_faults(of))
+    assert any(fault.startswith(str(file)) for fault in readback.faults_of_stored_results(of))
     file.write_text(before)
 
 

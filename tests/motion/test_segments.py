@@ -45,7 +45,7 @@ def test_compiled_rows_are_those_of_the_segments():
     system, rng = LineElements(MIXED, elements=3), np.random.default_rng(29)
     x = system.start(0, None)
     at = [z + size * rng.standard_normal(z.size) for z, size in zip(x[1:4], (0.3, 2.0, 1.0), strict=True)]
-    coordinates = system.coordinates_from_unknowns(1.0, *at, 0)
+    coordinates = system.all_coordinates_from_unknowns(1.0, *at, 0)
     rows = system.balance_rows(1.0, coordinates, 0)
     nodes, ends = system.segments.node_and_end_rows(
         system.segments.fields_of_motion(system.segment_motion(coordinates))

@@ -350,9 +350,7 @@ def test_a_derived_quantity_computed_wrongly_is_seen(name, monkeypatch, tmp_path
     right = getattr(Response, name).fget
     monkeypatch.setattr(Response, name, property(lambda r: 1.02 * right(r)))
     run(SCENES["level"], "following-p2", elements=4, steps=100).write(tmp_path / "following-p2")
-    faults = list(
-        readback.file_limit_and_verification_faults(readback.StoredResults(tmp_path, ["following-p2"], judged=False))
-    )
+    faults = list(readback.faults_of_stored_results(readback.StoredResults(tmp_path, ["following-p2"], judged=False)))
     assert any(f"path.csv: {name} is not what was computed" in fault for fault in faults)
 
 

@@ -185,7 +185,7 @@ def _has_separate_pointwise_tension(evidence: Evidence) -> bool:
     return r.model == "full" and not np.array_equal(r.T_behind, r.T_behind_pointwise, equal_nan=True)
 
 
-def _excludes_compression_at(r: Response, t: Array) -> NDArray[np.bool_]:
+def _tension_only_at(r: Response, t: Array) -> NDArray[np.bool_]:
     """At which of the times t (n,) the law excludes compression."""
     if r.switched is None:
         return np.full(t.shape, r.law == "tension-only")
@@ -483,7 +483,7 @@ def pointwise_tension_at_mass_defect(evidence: Evidence) -> Defect:
     for slope, stored in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
         strain = np.hypot(*slope[k].T) - 1.0
         N = T + evidence.data.EA * strain
-        N = np.where(_excludes_compression_at(r, r.t[k]), np.maximum(N, 0.0), N)
+        N = np.where(_tension_only_at(r, r.t[k]), np.maximum(N, 0.0), N)
         off.append(np.abs(stored[k] - N).max())
     return _defect_without_position(*(np.array(off) / r.horizontal_tension))
 
@@ -567,7 +567,7 @@ def _ever_excludes_compression(evidence: Evidence) -> bool:
 def compression_defect(evidence: Evidence) -> Defect:
     """A tension-only cable has no compression; over H."""
     r = evidence.r
-    T = r.fields.T_pointwise[_excludes_compression_at(r, r.fields.t)] / r.horizontal_tension
+    T = r.fields.T_pointwise[_tension_only_at(r, r.fields.t)] / r.horizontal_tension
     return _defect_without_position(float(np.clip(T, -1.0, 0.0).min(initial=0.0)))
 
 

@@ -87,10 +87,10 @@ class LineRun:
 
     def at_common_instants(self, values: Array, end: float) -> Array:
         """Values (n, ...) at the common instants up to `end`; at a jump those before it."""
-        rows = np.searchsorted(self.motion.t, self.instants_until(end) - 1e-9 * self.instants[-1])
+        rows = np.searchsorted(self.motion.t, self.common_instants_until(end) - 1e-9 * self.instants[-1])
         return values[np.minimum(rows, self.motion.t.size - 1)]
 
-    def instants_until(self, end: float) -> Array:
+    def common_instants_until(self, end: float) -> Array:
         """The common instants up to `end` [s]."""
         return self.instants[self.instants <= end * (1.0 + 1e-12)]
 
@@ -224,7 +224,7 @@ class LineComparison:
         # of the largest change, as a path's: at single instants a phase that shifts hides the order
         parts = [ladder.bars_in_space_and_time(values_at_instants, gap_size) for ladder in (self.a, self.b)]
         row = row_with_error_bars(quantity, size(gap), (self.a, self.b), parts, norm.required)
-        when = a.instants_until(self.end)[int(np.argmax(gap))]
+        when = a.common_instants_until(self.end)[int(np.argmax(gap))]
         return replace(row, law=law, where=None if rms else f"t = {when:.4g} s")
 
     def _car_rows(self, car: CarMotion) -> Iterator[Agreement]:

@@ -115,7 +115,7 @@ class RecomputedNumbers:
         self.until = last_time_valid_in_all(r, counterpart or r)
         self.profiles = obstacle_and_ground_profiles(self.data.scene)
 
-    def _signals_of_kind(self, kind: str) -> Signals | None:
+    def _signals_of_number(self, kind: str) -> Signals | None:
         without_extreme = kind.removesuffix("_max").removesuffix("_min")
         return self.signals.get(kind) or self.signals.get(without_extreme)
 
@@ -124,7 +124,7 @@ class RecomputedNumbers:
         kind, _, name = quantity.partition(":")
         if name:
             return kind in ("clearance_rope_min", "clearance_car_min") and name in self.profiles
-        return kind in ("safety_factor_min", "slack_onset", *FROM_TOML) or self._signals_of_kind(kind) is not None
+        return kind in ("safety_factor_min", "slack_onset", *FROM_TOML) or self._signals_of_number(kind) is not None
 
     def number(self, quantity: str, averaged: bool = True) -> float | None:
         """A number in SI, or None where there is none;  averaged : forces over an axial round trip."""
@@ -148,7 +148,7 @@ class RecomputedNumbers:
 
     def largest_size(self, quantity: str) -> float:
         """Largest size of the values of which a number is an extreme; 0 where it is of none."""
-        signals = self._signals_of_kind(quantity) or []
+        signals = self._signals_of_number(quantity) or []
         return max((float(np.nanmax(np.abs(signal.value), initial=0.0)) for signal in signals), default=0.0)
 
     def _extreme(self, kind: str, averaged: bool) -> float | None:
@@ -159,7 +159,7 @@ class RecomputedNumbers:
         return float(values.min() if kind.endswith("_min") else values.max())
 
     def _means_of_signals(self, kind: str, averaged: bool) -> Signals:
-        signals = self._signals_of_kind(kind) or []
+        signals = self._signals_of_number(kind) or []
         period = self.data.round_trip if averaged and kind.startswith(FORCES) else 0.0
         return [_moving_means(signal, self.time_span, period) for signal in signals if signal.t.size]
 

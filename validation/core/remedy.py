@@ -72,7 +72,7 @@ class Remedies(NamedTuple):
             bounds = -change.largest, change.largest
             best = minimize_scalar(gap, bounds=bounds, method="bounded", options={"xatol": 1e-6 * change.largest})
             printed = change.rounded_as_printed(float(best.x))
-            if self._agrees_after(change, printed):
+            if self._agrees_with_both_after(change, printed):
                 results.append((gap(printed), change.in_words(printed)))
         return min(results)[1] if results else None
 
@@ -95,7 +95,7 @@ class Remedies(NamedTuple):
         except (NotComparable, Refused):
             return 1e6  # nothing can be compared; finite, for the search
 
-    def _agrees_after(self, change: Change, amount: float) -> bool:
+    def _agrees_with_both_after(self, change: Change, amount: float) -> bool:
         """Whether all rows of the changed path agree with both solvers."""
         try:
             changed = change.applied_to(self.path, self.scene, amount)

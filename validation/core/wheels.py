@@ -29,7 +29,7 @@ def with_wheel_loads_by_hand(motion: LineMotion, line: Line, moving: MovingLine,
     for i, (table, car) in enumerate(zip(line.car, moving.cars_on_rope, strict=True)):
         wheels = table.wheels
         if wheels is not None and wheels.model == "point" and wheels.base:
-            thrust = np.array([moving.thrust(car, x.t, x.phase) for x in states])
+            thrust = np.array([moving.thrust_of_free_car(car, x.t, x.phase) for x in states])
             loads = rear_and_front_loads_by_hand(wheels, car, cars[i], thrust, moving.gravity)
             cars[i] = dataclasses.replace(cars[i], wheel_loads=loads)
     return dataclasses.replace(motion, cars=tuple(cars))

@@ -69,7 +69,7 @@ def load_scene_or_refuse(name: str, earlier_faults: Sequence[str] = (), *, needs
     return scene
 
 
-def load_line_or_refuse(name: str) -> Line | None:
+def load_line_unless_one_span(name: str) -> Line | None:
     """The line of that name, its notes printed; None if it is a scene of one span; Refused with its faults."""
     from cablefem.scene import SceneError
     from cablefem.scene.short import load_line_or_none

@@ -116,24 +116,24 @@ class Panel:
         colours = np.linspace(1.0, 0.0, 64)[:, None]
         return {"image": _coloured_png_base64(colours), "unit": unit, "ticks": ticks}
 
-    def template_input(self, x_to_paper: Callable[[Any], Array], width: float) -> Content:
-        """The template's input in user units; x_to_paper : from x to user units; width : of the panel."""
+    def template_input(self, x_to_user_units: Callable[[Any], Array], width: float) -> Content:
+        """The template's input in user units; x_to_user_units : from x to user units; width : of the panel."""
         height = self._height_on_paper
 
         def point(x: float, y: float) -> tuple[float, float]:
-            return _round_to_tenth(x_to_paper(x)), _round_to_tenth(height(y))
+            return _round_to_tenth(x_to_user_units(x)), _round_to_tenth(height(y))
 
         drawn: Content = {"h": self.height, "w": width, "title": self.title, "unit": self.unit}
         ticks = _log_ticks(self.low, self.high) if self.log else _ticks(self.low, self.high, self.height / 28)
         drawn["ticks"] = [(_round_to_tenth(height(y)), words) for y, words in ticks]
         drawn["scale"] = self._colour_scale_input()
-        drawn["verticals"] = [(_round_to_tenth(x_to_paper(x)), color, dash) for x, color, dash in self.verticals]
-        drawn["curves"] = [(_svg_path_data(x_to_paper(curve.x), height(curve.y)), curve) for curve in self.curves]
+        drawn["verticals"] = [(_round_to_tenth(x_to_user_units(x)), color, dash) for x, color, dash in self.verticals]
+        drawn["curves"] = [(_svg_path_data(x_to_user_units(curve.x), height(curve.y)), curve) for curve in self.curves]
         drawn["bands"] = []
         for x, low, high, color in self.bands:
             around_x = np.append(x, x[::-1])
             around_y = np.append(high, low[::-1])
-            drawn["bands"].append((_svg_path_data(x_to_paper(around_x), height(around_y)), color))
+            drawn["bands"].append((_svg_path_data(x_to_user_units(around_x), height(around_y)), color))
         drawn["dots"] = [(*point(x, y), *look) for x, y, *look in self.dots]
         drawn["labels"] = []
         for at, y, text in self.labels:
@@ -176,19 +176,19 @@ def svg_figure(
     begin, end = x_range
     per_unit = width / ((end - begin) or 1.0)
 
-    def to_paper(values: Any) -> Array:
+    def x_to_user_units(values: Any) -> Array:
         return per_unit * (np.asarray(values, dtype=float) - begin)
 
     shown = []
     top = 6.0
     for panel in panels:
         top += 20.0 if panel.title or panel.scale else 0.0
-        shown.append(panel.template_input(to_paper, width) | {"top": top, "last": panel is panels[-1]})
+        shown.append(panel.template_input(x_to_user_units, width) | {"top": top, "last": panel is panels[-1]})
         top += panel.height + 14.0
     content: Content = {"panels": shown, "xlabel": xlabel, "label": text_without_tags(caption)}
     content |= {"width": WIDTH, "height": top - 14.0 + BELOW, "left": LEFT, "right": right}
     content["key"] = {curve.name: curve for panel in panels for curve in panel.curves if curve.name}
-    content["xticks"] = [(_round_to_tenth(to_paper(value)), words) for value, words in _ticks(begin, end, 7)]
+    content["xticks"] = [(_round_to_tenth(x_to_user_units(value)), words) for value, words in _ticks(begin, end, 7)]
     return figure_of(render_template("plot.svg", **content), caption, wide=wide)
 
 

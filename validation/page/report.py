@@ -48,7 +48,7 @@ def read_back_and_report(command: str, stored: StoredResults, printed_lines: Seq
 
     text = (stored.folder / store.REPORT).read_text(encoding="utf-8")
     faults = [
-        *readback.file_limit_and_verification_faults(stored),
+        *readback.faults_of_stored_results(stored),
         *readback.page_faults(text, command, stored),
         *readback.terminal_faults(printed_lines, stored),
     ]

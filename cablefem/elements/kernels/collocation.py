@@ -25,7 +25,7 @@ from cablefem.newmark.collocation import SAME_STEP
 from cablefem.newmark.compiled_collocation import (
     add_correction_along,
     set_end_state,
-    set_node_state,
+    set_node_state_from_accelerations,
     set_weighted_sums,
 )
 from cablefem.newmark.marching import Mode
@@ -182,7 +182,7 @@ def set_states_and_residuals_return_norm(
     """Set states and residuals of the nodes, and the least tension at the last one; return |r| of all."""
     square = 0.0
     for i in range(step.a.shape[0]):
-        set_node_state(step, i, workspace.x[i])
+        set_node_state_from_accelerations(step, i, workspace.x[i])
         r = workspace.r[i]
         instant = instant_at_node(step, workspace.bands, i)
         result[4], result[5] = assemble_balance(

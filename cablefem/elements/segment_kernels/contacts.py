@@ -130,7 +130,7 @@ def set_rows_and_loads_of_instant(line: Line, i: int, at: Coordinates, rows: Arr
     rows[:] = 0.0
     loads[-1] = add_rope_rows_return_min_tension(line, at, rows)
     add_car_rows_and_set_loads(line, i, at, rows, loads)
-    add_support_rows(line, at, rows)
+    add_spring_and_counterweight_rows(line, at, rows)
     for j in range(line.trolleys.contacts.size):
         add_trolley_rows_and_set_loads(line, i, j, at, rows, loads)
     for j in range(line.rails.points.size):
@@ -141,7 +141,7 @@ def set_rows_and_loads_of_instant(line: Line, i: int, at: Coordinates, rows: Arr
 
 
 @inner
-def add_support_rows(line: Line, at: Coordinates, rows: Array) -> None:
+def add_spring_and_counterweight_rows(line: Line, at: Coordinates, rows: Array) -> None:
     """Add springs and counterweights."""
     supports = line.supports
     for i in range(supports.springs.size):

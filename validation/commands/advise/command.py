@@ -4,7 +4,7 @@ from validation.core import store
 from validation.page.options import (
     Out,
     SceneName,
-    load_line_or_refuse,
+    load_line_unless_one_span,
     load_scene_or_refuse,
     number_option,
     run_and_report_study,
@@ -25,7 +25,7 @@ def command(
 
     Writes DIR/: advice.json, with the evidence, and report.html.
     """
-    line = load_line_or_refuse(scene)
+    line = load_line_unless_one_span(scene)
     if line is not None and line.moves:
         from validation.commands.advise.lines import advise_on_line
 

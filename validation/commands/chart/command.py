@@ -6,7 +6,7 @@ import typer
 from validation.page.options import (
     Out,
     SceneName,
-    load_line_or_refuse,
+    load_line_unless_one_span,
     load_scene_or_refuse,
     run_and_report_study,
 )
@@ -25,7 +25,7 @@ def command(
 
     Writes DIR/: chart.json and report.html.
     """
-    line = load_line_or_refuse(scene)
+    line = load_line_unless_one_span(scene)
     if line is not None and line.moves:
         from validation.commands.chart.lines import chart_line
 

@@ -177,10 +177,10 @@ def _row_or_failure(series: Series, settings: Row, run: Callable[[], LineRun], r
     return series.chart_row(settings, **results, **reference.errors(moved))
 
 
-def _quasi_static_row(line: Line, runs: LineRuns, reference: _Reference, end: float) -> Row:
-    """The row of the states of rest at the timetables' positions, if it begins before `end` by the clock."""
+def _quasi_static_row(line: Line, runs: LineRuns, reference: _Reference, cut_at: float) -> Row:
+    """The row of the states of rest at the timetables' positions, if it begins before `cut_at` by the clock."""
     series = Series("model quasi-static", "model", (), model="quasi-static")
-    if perf_counter() > end:
+    if perf_counter() > cut_at:
         return series.chart_row({}, status="not run", reason=NO_TIME)
     begin = process_time()
     try:

@@ -46,7 +46,7 @@ def command(
     FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; of a free ride t, x and y from the left
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
-    if (line := options.load_line_or_refuse(scene)) is not None:
+    if (line := options.load_line_unless_one_span(scene)) is not None:
         others = {"--ask": ask != "all", "--with": other is not None, "--deep": deep, "--verbose": verbose}
         points = options.line_points_from_options(options.with_limits_of_regulations(line, limits), set_, case, others)
         second_line = _scene_of_second_solver(points[0].scene, second, second_set)
@@ -92,7 +92,7 @@ def _scene_of_second_solver(scene: Any, file: Path | None, set_pairs: list[str] 
     name = str(file)
     other = scene
     if file is not None:
-        other = options.load_line_or_refuse(name) or options.load_scene_or_refuse(name, needs_mass=True)
+        other = options.load_line_unless_one_span(name) or options.load_scene_or_refuse(name, needs_mass=True)
     try:
         points = options.grid_points_from_options(other, set_pairs)
     except store.Refused as error:

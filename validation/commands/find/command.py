@@ -37,7 +37,7 @@ def command(
     print is as sure as the number that decides.
     """
     faults = [] if model in ("quasi-static", "full") else [f"--model = {model!r}: must be quasi-static or full"]
-    loaded = options.load_line_or_refuse(scene) or options.load_scene_or_refuse(scene, faults, needs_mass=True)
+    loaded = options.load_line_unless_one_span(scene) or options.load_scene_or_refuse(scene, faults, needs_mass=True)
     points = options.grid_points_from_options(options.with_limits_of_regulations(loaded, limits), set_)
     if len(points) > 1 or points[0].settings:
         raise store.Refused("--set: one value for each key of the scene; --for takes several")

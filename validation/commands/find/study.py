@@ -309,20 +309,20 @@ class _Search:
         """
         if self.condition_holds_at(a) or self.condition_holds_at(b):
             return None
-        at_ends = zip(self._states_at(a), self._states_at(b), strict=False)
+        at_ends = zip(self._known_and_holding_at(a), self._known_and_holding_at(b), strict=False)
         for i, (before, after) in enumerate(at_ends):
             low, high = a, b
             for _ in range(HALVINGS if before != after else 0):
                 middle = 0.5 * (low + high)
                 if self.condition_holds_at(middle):
                     return middle
-                if self._states_at(middle)[i : i + 1] == [before]:
+                if self._known_and_holding_at(middle)[i : i + 1] == [before]:
                     low = middle
                 else:
                     high = middle
         return None
 
-    def _states_at(self, value: float) -> list[tuple[bool, bool]]:
+    def _known_and_holding_at(self, value: float) -> list[tuple[bool, bool]]:
         """Of each margin, whether it is known and whether it holds."""
         return [(math.isfinite(room), room >= 0.0) for room in self.margins_at(value)]
 

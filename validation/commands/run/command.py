@@ -41,7 +41,7 @@ def command(
     with its data, response.h5, and mass.xdmf. Beside it report.html. A grid writes table.csv and report.html.
     """
     run_options = {"model": model, "load": load, "law": law}
-    if (line := options.load_line_or_refuse(scene)) is not None:
+    if (line := options.load_line_unless_one_span(scene)) is not None:
         others = {f"--{option}": given != CHOICES[option][0] for option, given in run_options.items()}
         others["--model"] = model not in ("full", QUASI_STATIC)
         others |= {"--method": method != METHOD, "--tol": tol is not None, "--no-bars": not bars}

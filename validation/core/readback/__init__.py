@@ -4,7 +4,7 @@ It imports nothing of what writes them.  Every reader yields faults, sentences.
 A table or printed text without a reader is noted: a test fails then.
 """
 
-from validation.core.readback.files import FILES, file_limit_and_verification_faults, path_csv_columns
+from validation.core.readback.files import FILES, faults_of_stored_results, path_csv_columns
 from validation.core.readback.find import find_faults
 from validation.core.readback.limits import limit_faults, limit_table_faults
 from validation.core.readback.lines import line_terminal_faults, moving_line_outcome_faults

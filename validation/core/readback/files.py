@@ -20,7 +20,7 @@ SINGLE_PRECISION = 1e-6  # relative
 
 
 @damaged_files_are_faults
-def file_limit_and_verification_faults(stored: StoredResults) -> Faults:
+def faults_of_stored_results(stored: StoredResults) -> Faults:
     """Faults of the files of each method, and of the stored limits and verification."""
     scene = stored.runs[0]["scene"]
     for fault in limit_faults(stored.limits, scene, stored.design, stored.shown_events):

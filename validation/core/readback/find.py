@@ -101,7 +101,7 @@ def _shown_row_faults(shown: Sequence[Sequence[str]], stored: Sequence[Sequence[
 def _answer_shows_value(match: re.Match[str], value: float) -> bool:
     """Whether an answer in words shows a value to its last digit; to two digits if it says "about"."""
     bar = match[3].partition(" ± ")[2]
-    return shows_value(match[3], value, bar=float(bar) if bar else None, digits=2 if match[2] else 5)
+    return shows_value(match[3], value, bar_shown=float(bar) if bar else None, digits=2 if match[2] else 5)
 
 
 def _search_faults(search: Row) -> Faults:
@@ -184,6 +184,6 @@ def _answer_text_faults(match: re.Match[str], change: Row) -> Faults:
         good = _answer_shows_value(match, change["value"])
     else:
         interval = abs(change["fails_at"] - change["holds_at"])
-        good = shows_value(match[3], change["value"], bar=interval if change["bar"] is None else change["bar"])
+        good = shows_value(match[3], change["value"], bar_shown=interval if change["bar"] is None else change["bar"])
     if match.group(1, 5) != words or not good or (match[4] or "") != change["unit"]:
         yield f"{match[0]!r} where {change['value']} with the bar {change['bar']} is stored"

@@ -198,7 +198,7 @@ class _StoredDemandValues:
             first = next((x for x in self.events if x["event"] in ("brake", "arrival")), None)
             return None if first is None else self._value_and_bar(first, "speed", "bar_speed")
         if demand == "swing_along":
-            swings = [*self._values_of_kind("swing_max"), *self._values_of_kind("swing_min")]
+            swings = [*self._design_numbers_of_kind("swing_max"), *self._design_numbers_of_kind("swing_min")]
             return _tangent_of_widest(swings) if swings else None
         if demand in RATIOS:
             return self._ratio(demand)
@@ -207,7 +207,7 @@ class _StoredDemandValues:
             return None
         return _smallest(values) if row["side"] == "at least" else max(values)
 
-    def _values_of_kind(self, kind: str) -> Collection[_ValueAndBar]:
+    def _design_numbers_of_kind(self, kind: str) -> Collection[_ValueAndBar]:
         return self.by_kind.get(kind, {}).values()
 
     def _numbers_of_demand(self, demand: str, row: Row) -> Collection[_ValueAndBar]:
@@ -223,7 +223,7 @@ class _StoredDemandValues:
 
     def _ratio(self, demand: str) -> _ValueAndBar | None:
         """The ratio of two numbers that a demand names, relative bars added; None without both."""
-        numerators, denominators = map(self._values_of_kind, RATIOS[demand])
+        numerators, denominators = map(self._design_numbers_of_kind, RATIOS[demand])
         if not numerators or not denominators:
             return None
         above = _smallest(numerators)

@@ -112,7 +112,7 @@ def _shows_event(texts: Sequence[str], row: Row) -> bool:
     """Whether texts show time, position and speed of an event."""
     for text, name, unit in zip(texts, ("t", "s_o", "speed"), ("s", "m", "m/s"), strict=True):
         is_empty = text[0] == " "
-        if not is_empty and not shows_value(text, row[name], unit, bar=row.get(f"bar_{name}")):
+        if not is_empty and not shows_value(text, row[name], unit, bar_shown=row.get(f"bar_{name}")):
             return False
     return True
 

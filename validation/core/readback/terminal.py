@@ -75,7 +75,7 @@ def _printed_slack_faults(text: str, stored: StoredResults) -> Faults:
     for row in stored.design:
         if row["quantity"] == "slack_onset" and row["value"] is not None:
             bar = (row["bar"] or 0.0) * length
-            if shows_value(number, row["value"] * length, "m", bar=bar):
+            if shows_value(number, row["value"] * length, "m", bar_shown=bar):
                 return
     yield f"{text!r} is not the stored slack onset"
 

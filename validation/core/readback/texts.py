@@ -36,7 +36,9 @@ def _decimal_exponent(x: float) -> int:
     return math.floor(math.log10(abs(x))) if x else 0
 
 
-def shows_value(text: str, value: float | None, unit: str = "", *, bar: float | None = None, digits: int = 5) -> bool:
+def shows_value(
+    text: str, value: float | None, unit: str = "", *, bar_shown: float | None = None, digits: int = 5
+) -> bool:
     """Whether a text shows a value in SI to its last digit, with its bar to two digits and a unit that suits.
 
     digits : of a value without bar; the digits before the point all count.
@@ -50,8 +52,8 @@ def shows_value(text: str, value: float | None, unit: str = "", *, bar: float | 
         return True
     expected = [value / factor]
     digit = _decimal_exponent(value / factor) - digits + 1
-    if bar and ROUNDING * abs(value) <= bar < math.inf:  # known, and no rounding
-        expected.append(bar / factor)
+    if bar_shown and ROUNDING * abs(value) <= bar_shown < math.inf:  # known, and no rounding
+        expected.append(bar_shown / factor)
         digit = _decimal_exponent(expected[1]) - 1
     return len(printed) == len(expected) and np.allclose(printed, expected, rtol=0.0, atol=0.501 * 10.0**digit)
 
@@ -97,7 +99,7 @@ def shows_design_number(text: str, row: Row) -> bool:
     if len(parts) != len(endings):
         return False
     for part, ending in zip(parts, endings, strict=True):
-        if not (part.endswith(ending) and shows_value(part, row["value"], row["unit"], bar=row.get("bar"))):
+        if not (part.endswith(ending) and shows_value(part, row["value"], row["unit"], bar_shown=row.get("bar"))):
             return False
     return True
 
