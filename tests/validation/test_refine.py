@@ -110,7 +110,7 @@ def test_the_bar_of_a_ride_holds_with_few_elements():
 def test_what_is_out_of_reach_is_said_so_with_the_best_there_is(monkeypatch):
     monkeypatch.setattr(module, "MAX_STEPS", 200)
     method = find_method("following-p2")
-    near = replace(method, resolution=replace(method.resolution, max_value=8))
+    near = replace(method, resolution=method.resolution._replace(max_value=8))
     with pytest.raises(
         TooCoarse, match=r"following-p2 reaches an error bar of .* with elements = .*, not the 1e-05"
     ) as e:

@@ -100,9 +100,14 @@ def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], stored: Sto
 def _readout_faults(drawn: dict[str, Any], known: dict[str, tuple[Array, str]]) -> Faults:
     """Faults of series that are shown beside a car as "NAME [UNIT]";  known : series (k,) and SI units by name."""
     for beside in drawn["readout"]:
-        name, _, unit = beside["name"].rstrip("]").partition(" [")
+        name, unit = _readout_name_and_unit(beside)
         values, si = known[name]
         yield from _packed_series_faults(name, beside["data"], values / conversion_factor_or_nan(unit, si))
+
+
+def _readout_name_and_unit(beside: dict[str, Any]) -> tuple[str, str]:
+    name, _, unit = beside["name"].rstrip("]").partition(" [")
+    return name, unit
 
 
 def _drawn_series_of_car(run: Run) -> dict[str, Array]:
@@ -198,5 +203,9 @@ def _drawn_car_faults(drawn: dict[str, Any], car: Any, steps: NDArray[np.intp], 
     columns = BESIDE | {"deflection": ("v", "m"), "swing": ("swing", "deg"), "pitch": ("pitch", "deg")}
     columns |= {f"tension {side}": (f"T_{side}", "N") for side in ("behind", "ahead")}
     columns |= {f"{side} wheel": (f"wheel_{side}", "N") for side in ("rear", "front")}
-    shown = {name: (path[column][steps], si) for name, (column, si) in columns.items() if column in path}
+    shown = {}
+    for beside in drawn["readout"]:
+        name = _readout_name_and_unit(beside)[0]
+        column, si = columns[name]
+        shown[name] = path[column][steps], si
     yield from _readout_faults(drawn, shown)
