@@ -20,7 +20,7 @@ from validation.commands.check.motion import check_line, compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, events_without_rattling, motion_answers
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_laws import every_nth_step
-from validation.core.motion_rows import LineRun, LineTolerance, law_row, moving_means, relative_unbalanced_work
+from validation.core.motion_rows import LineRun, LineTolerance, law_row, relative_unbalanced_work
 from validation.core.readback import moving_line_outcome_faults
 
 ROPE = """
@@ -357,14 +357,3 @@ def test_a_rider_turns_at_one_time_however_long_the_steps(method):
     for name in ("point", "velocity"):
         at_end = [getattr(run.motion.cars[0], name)[-1] for run in (coarse, fine)]
         np.testing.assert_allclose(*at_end, rtol=0.0, atol=2e-3)
-
-
-def test_a_value_that_lasts_for_an_instant_at_a_jump_is_in_no_mean_and_one_that_lasts_is():
-    t = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.0, 2.5, 3.0, 3.5])
-    steady = np.where(np.arange(t.size) < 5, 7.0, 3.0)
-    jumps = steady.copy()
-    jumps[[0, 5]] = 900.0
-    np.testing.assert_allclose(moving_means(t, jumps, 0.5), moving_means(t, steady, 0.5), rtol=1e-12)
-    lasting = steady.copy()
-    lasting[[0, 1]] = 900.0
-    assert moving_means(t, lasting, 0.5)[0] > 800.0

@@ -612,18 +612,14 @@ def _column_faults(
 
 
 def _moving_means(t: Array, rows: Array, period: float) -> Array:
-    """Means of rows (k, n) over the `period` around each time, inside the run; they follow splines between jumps.
-
-    A spline begins with the value of its first step.
-    """
+    """Means of rows (k, n) over the `period` around each time, inside the run; they follow splines between jumps."""
     latest = max(t[-1] - period, t[0])
     begins = np.clip(t - 0.5 * period, t[0], latest)
     ends = np.minimum(begins + period, t[-1])
     total = np.zeros_like(rows)
     for part in pieces_between_jumps(t):
         if part.size > 1:
-            steady = np.concatenate([rows[:, part[1:2]], rows[:, part[1:]]], axis=1)
-            integral = CubicSpline(t[part], steady, axis=1).antiderivative()
+            integral = CubicSpline(t[part], rows[:, part], axis=1).antiderivative()
             begin, end = np.clip([begins, ends], t[part[0]], t[part[-1]])
             total += integral(end) - integral(begin)
     return total / (ends - begins)

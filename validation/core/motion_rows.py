@@ -105,15 +105,12 @@ def moving_means(t: Array, values: Array, period: float) -> Array:
     """Means of values (n, ...) over the `period` around each time t (n,), inside the run.
 
     Between the times values follow cubic splines, one between two jumps: straight lines cut off axial waves.
-    A spline begins with the value of its first step: the one at a jump is that of waves as long as an element, which
-    lasts for an instant alone and grows with the number of elements.
     All nan where a value is.
     """
     if not np.isfinite(values).all():
         return np.full_like(values, np.nan)
     pieces = [piece for piece in pieces_between_jumps(t) if piece.size > 1]
-    steady = [np.concatenate([values[piece[1:2]], values[piece[1:]]]) for piece in pieces]
-    cubics = [CubicSpline(t[piece], after).c for piece, after in zip(pieces, steady, strict=True)]
+    cubics = [CubicSpline(t[piece], values[piece]).c for piece in pieces]
     integral = PPoly(np.concatenate(cubics, axis=1), np.unique(t)).antiderivative()
     latest = max(t[-1] - period, t[0])
     low = np.clip(t - 0.5 * period, t[0], latest)
