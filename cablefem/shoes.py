@@ -168,13 +168,11 @@ class _CarAtShoe(NamedTuple):
         snapshot = self.snapshot
         car = self.car.name
         saddle = self.saddle.name
-        (x, y), velocity, _ = snapshot.points[car].tolist()
-        begin = RailEnd(x, y, velocity[1] / velocity[0])
         behind = -self.side_of_saddle
         end = self._straight_rail_end(behind, snapshot.rope_slope_beside(saddle, behind))
         rope_speed = abs(snapshot.ds[car] - snapshot.ds[saddle])
-        stretch = float(np.hypot(*velocity)) / rope_speed
-        rail = Rail(saddle, begin, end, snapshot.s[car] - snapshot.s[saddle], stretch)
+        stretch = float(np.hypot(*snapshot.points[car][1])) / rope_speed
+        rail = Rail(saddle, self._path_of_car, end, snapshot.s[car] - snapshot.s[saddle], stretch)
         contacts = tuple(contact for contact in self.line.contacts if contact is not self.car)
         off_rope = (*self.line.cars_off_rope, replace(self.car, rail=rail))
         return replace(self.line, contacts=contacts, cars_off_rope=off_rope)
