@@ -196,7 +196,7 @@ def solve(cases: Sequence[Case], extra_steps: int = 0) -> list[LineState | NoLin
     return [_solve_case(case, extra_steps) for case in cases]
 
 
-def depth_and_tension(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def depth_and_tension_at_x(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Depth [m] and tension [N] at x (m,) [m]."""
     case = state.case
     piece = np.clip(np.searchsorted(state.points[:, 0], x, side="right") - 1, 0, len(state.s) - 2)
@@ -253,6 +253,6 @@ def min_clearance(state: LineState, ground: np.ndarray) -> float:
     first = max(x[0], x_rope[0])
     last = min(x[-1], x_rope[-1])
     candidates = candidates[(candidates >= first) & (candidates <= last)]
-    rope_depth, _ = depth_and_tension(state, candidates)
+    rope_depth, _ = depth_and_tension_at_x(state, candidates)
     heights = np.interp(candidates, x, depth) - rope_depth
     return float(np.min(heights, initial=np.inf))

@@ -40,7 +40,7 @@ def positions_between_jumps(t: Array, s: Array) -> Array:
 
 
 class LineInMotion(MarchingSystem):
-    """A subclass sets the attributes, calls `watch` and defines the methods that raise; it numbers the cars."""
+    """A subclass sets attributes, calls `set_watched_events`, defines the methods that raise, and numbers the cars."""
 
     line: MovingLine
     all_coordinates_from_unknowns: Callable[..., Any]  # all coordinates with their rates in states t, q, v, a, phase
@@ -49,7 +49,7 @@ class LineInMotion(MarchingSystem):
     of_cars: tuple[str, ...]  # names of the arrays, by number, in which friction is kept
     free_cars: Any  # their numbers
 
-    def watch(self, cars: Mapping[int, Car]) -> None:
+    def set_watched_events(self, cars: Mapping[int, Car]) -> None:
         """Set what events watch; cars : on the rope, by number."""
         touching = self.line.contacts_and_wheels
         self.car_by_number = cars
@@ -76,7 +76,7 @@ class LineInMotion(MarchingSystem):
         one, other = (c.car.name if isinstance(c, Wheel) else c.name for c in (first, second))
         return one != other and not car_may_pass_saddle(self.passages, one, other)
 
-    def take_friction_from(self, before: LineInMotion) -> None:
+    def copy_friction_from(self, before: LineInMotion) -> None:
         """Let free cars have the friction that they had in a line before."""
         numbers = {car.name: i for i, car in before.car_by_number.items()}
         for i in self.free_cars:
@@ -118,7 +118,10 @@ class LineInMotion(MarchingSystem):
 
     # --- events ------------------------------------------------------------------------------------------------
     def contact_positions_and_forces(self, t: Any, coordinates: Any, phase: int) -> tuple[Array, list[Array]]:
-        """s of contacts (..., contacts), and forces (...) [N] whose fall to 0 is an event, in the order of `watch`."""
+        """s of contacts (..., contacts), and forces (...) [N] whose fall to 0 is an event.
+
+        In the order of `set_watched_events`.
+        """
         raise NotImplementedError
 
     def car_points_and_rates(self, name: str, t: Any, coordinates: Any, phase: int) -> Array:
@@ -142,7 +145,7 @@ class LineInMotion(MarchingSystem):
             behind, ahead = self._brake_positions_around(i)
             position = q[..., self.travel_unknown(i)]
             values += [ahead - position, position - behind]
-        values += [np.where(in_order, x, np.inf) for x in (*forces, self.time_at_rest(phase) - t)]
+        values += [np.where(in_order, x, np.inf) for x in (*forces, self.time_when_at_rest(phase) - t)]
         for passage in self.passages:
             x, dx = self.car_points_and_rates(passage.car, t, coordinates, phase)[:2, ..., 0]
             values.append(np.vectorize(passage.distance_to_go)(x, dx))
@@ -158,7 +161,7 @@ class LineInMotion(MarchingSystem):
         """Numbers among the unknowns of s of cars that friction holds on the rope."""
         return [self.travel_unknown(i) for i in self.stops if self.sticks(i)]
 
-    def set_friction(self, i: int, s: float, sign: float) -> None:
+    def set_friction_and_forget_event_values(self, i: int, s: float, sign: float) -> None:
         """`set_friction_and_brakes`; events' values that depend on what has changed are forgotten."""
         if (self.reached[i], self.slip_sign(i)) != (s, sign):
             self._known_values = None
@@ -195,17 +198,17 @@ class LineInMotion(MarchingSystem):
         for i in self.stops:
             ds = x.v.item(self.travel_unknown(i))
             sign = math.copysign(1.0, ds) if abs(ds) > TURNING else self.slip_sign(i)
-            self.set_friction(i, self.reached[i], sign)
+            self.set_friction_and_forget_event_values(i, self.reached[i], sign)
 
     def _brake_positions_around(self, i: int) -> tuple[float, float]:
         """Where the last brake that acts on a car begins, and the next one; infinite where there is none."""
         return self.car_by_number[i].drive.brake_positions_around(self.reached[i])
 
-    def time_at_rest(self, phase: int) -> float:
+    def time_when_at_rest(self, phase: int) -> float:
         """When all free cars, which friction holds, are at rest; inf where it does not hold them, or there are none."""
         if not self.free_cars or not all(self.sticks(i) for i in self.free_cars):
             return math.inf
-        return self.line.time_at_rest(float(max(self.held_since[i] for i in self.free_cars)), phase)
+        return self.line.time_when_at_rest(float(max(self.held_since[i] for i in self.free_cars)), phase)
 
     def hold_until_released(self, x: State) -> State:
         """The first state: friction holds each car with friction or brakes whose release takes time, or it slips."""
@@ -231,7 +234,7 @@ class LineInMotion(MarchingSystem):
     def _state_with_slip(self, i: int, x: State, sign: float) -> State:
         """Set friction against a slip of this sign, for 0 the car sticks; return the state with the car at rest."""
         row = self.travel_unknown(i)
-        self.set_friction(i, self.reached[i], sign)
+        self.set_friction_and_forget_event_values(i, self.reached[i], sign)
         v = x.v.copy()
         a = x.a.copy()
         v[row] = sign * 1e-12  # [m/s] not 0, else its next standstill is no event
@@ -248,10 +251,10 @@ class LineInMotion(MarchingSystem):
                 return self._start_slipping(i, x)
             behind, ahead = self._brake_positions_around(i)
             if name == f"{car} brakes":
-                self.set_friction(i, ahead, self.slip_sign(i))
+                self.set_friction_and_forget_event_values(i, ahead, self.slip_sign(i))
                 return self.with_acceleration(x)
             if name == f"{car} leaves a brake":
-                self.set_friction(i, math.nextafter(behind, -math.inf), self.slip_sign(i))
+                self.set_friction_and_forget_event_values(i, math.nextafter(behind, -math.inf), self.slip_sign(i))
                 return self.with_acceleration(x)
         return None
 

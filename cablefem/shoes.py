@@ -96,7 +96,7 @@ def _passages_of_contact(line: MovingLine, k: int, supports: Mapping[str, Contac
         saddle = supports[car.rail.saddle]
         yield Passage(car.name, "leaves the rope at", saddle)
         yield Passage(car.name, "leaves the shoe of", saddle)
-    elif car.drive_kind != "free" and car.wheels is None:
+    elif car.drive_mode_or_haul_x != "free" and car.wheels is None:
         for neighbour in (line.contacts[k - 1], line.contacts[k + 1]):
             if isinstance(neighbour, Contact) and neighbour.shoe is not None:
                 yield Passage(car.name, "lands on the shoe of", neighbour)

@@ -64,13 +64,13 @@ class Mode:
 class RollingCar(System):
     """A system whose last unknown is the place s_o of a free car; of a hauled car it watches lift-off only.
 
-    Solvers call `attach_drive` once, `reset` and `release_car` at the start.
+    Solvers call `attach_drive_and_reset` once, `reset` and `release_car` at the start.
     """
 
     short_steps_after_jumps: bool  # short steps after jumps, even without friction
     hold: float  # force at the start
 
-    def attach_drive(self, groups: Groups) -> None:
+    def attach_drive_and_reset(self, groups: Groups) -> None:
         """Take the drive of a scene, and `reset`."""
         self.drive = groups.drive
         self.sigma = groups.sigma

@@ -19,8 +19,8 @@ GREY = "#999"
 
 def sample_fields(r: Response, t: Any, s: Any) -> dict[str, Array]:
     """`Response.at`: between frames displacements are cubic by their velocities, tensions linear."""
-    t = _numbers_within("t", t, float(r.t[0]), float(r.t[-1]), "s")
-    s = _numbers_within("s", s, 0.0, r.length, "m")
+    t = _numbers_in_range_or_raise("t", t, float(r.t[0]), float(r.t[-1]), "s")
+    s = _numbers_in_range_or_raise("s", s, 0.0, r.length, "m")
     f = r.fields
     out = {name: np.empty((t.size, s.size)) for name in ("x", "y", "u", "v", "T")}
     u = np.interp(t, r.t, r.u)
@@ -42,7 +42,7 @@ def sample_fields(r: Response, t: Any, s: Any) -> dict[str, Array]:
     return out
 
 
-def _numbers_within(name: str, values: Any, low: float, high: float, unit: str) -> Array:
+def _numbers_in_range_or_raise(name: str, values: Any, low: float, high: float, unit: str) -> Array:
     """One number, or a list of them, as (n,); ValueError unless all are from low to high, up to rounding."""
     must = f"{name} must be a number from {low:.6g} to {high:.6g} {unit}, or a list of such"
     try:

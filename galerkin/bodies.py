@@ -33,7 +33,7 @@ def dot(a: Array, b: Array) -> Array:
     return (a * b).sum(axis=-1)
 
 
-def rail_record(rail: Rail) -> tuple[Any, ...]:
+def rail_kernel_record(rail: Rail) -> tuple[Any, ...]:
     """What compiled functions take of a rail."""
     return rail.begin.x, rail.end.x - rail.begin.x, rail.coefficients
 
@@ -110,12 +110,12 @@ class Body:
     contacts = 1
 
     @property
-    def rows(self) -> int:
+    def balance_count(self) -> int:
         """Number of its balances, one per unknown."""
         return len(self.unknown)
 
     @property
-    def record(self) -> Any:
+    def kernel_record(self) -> Any:
         """What its compiled balances take: attributes of these names."""
         out = np.zeros(1, kernels.BODY)
         for name in kernels.BODY.names or ():
@@ -181,7 +181,7 @@ class CarBody(Body):
     def copy_held(self) -> Any:
         """The car at rest in the wind: a free one is held."""
         other = copy.copy(self)
-        if self.car.drive_kind == "free":
+        if self.car.drive_mode_or_haul_x == "free":
             other.unknown = self.unknown[:-1]
         return other
 
@@ -200,7 +200,7 @@ class CarBody(Body):
     def forces(self, x: ContactState) -> Array:
         """Of `kernels.set_forces_on_car`, (..., FORCES)."""
         *instants, wheels, size = x.values.shape
-        forces = kernels.forces_on_car(self.record, x.values.reshape(-1, wheels, size).astype(complex))
+        forces = kernels.forces_on_car(self.kernel_record, x.values.reshape(-1, wheels, size).astype(complex))
         return np.asarray(forces.reshape(*instants, -1))
 
     def force_needed_from_rope(self, x: ContactState) -> Array:
@@ -237,11 +237,11 @@ class PointCar(CarBody):
     def __init__(self, car: Car, line: MovingLine) -> None:
         super().__init__(car, line)
         hanger = car.hanger
-        self.unknown = {"grip": "xy", "haul": "xyF", "haul_x": "ysF", "free": "xys"}[car.drive_kind]
+        self.unknown = {"grip": "xy", "haul": "xyF", "haul_x": "ysF", "free": "xys"}[car.drive_mode_or_haul_x]
         self.on_rail = car.rail is not None
         if car.rail is not None:
             self.unknown = self.unknown.replace("y", "")
-            self.rail = rail_record(car.rail)
+            self.rail = rail_kernel_record(car.rail)
         self.m = self.h = self.about_hanger = self.damping = 0.0
         self.turns = hanger is not None
         if hanger is not None:
@@ -278,7 +278,7 @@ class PointCar(CarBody):
         powers = {}
         if self.damping:
             powers["swing"] = -self.damping * x.dangle[..., 0] ** 2
-        if self.car.drive_kind != "grip":
+        if self.car.drive_mode_or_haul_x != "grip":
             powers["drag"] = self.drag_power(x)
             powers[self.driven] = x.F * dot(x.tau, x.dp)
         return powers

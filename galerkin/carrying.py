@@ -8,7 +8,7 @@ from cablefem.newmark import State
 from cablefem.scene.contacts import Array
 from cablefem.shoes import LineSnapshot, Passage, line_and_snapshot_after_passage, line_snapshot
 from galerkin.lines import LineSines
-from galerkin.segments import Layout, basis_functions
+from galerkin.segments import Layout, sines_and_polynomials
 
 
 def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple[LineSines, State]:
@@ -21,12 +21,12 @@ def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple
     layout = new.layout
     Z = new.prescribed_coordinates(x.t, x.phase)
     _set_contact_coordinates(new, Z, snapshot)
-    _carry_angles_and_centres(system, before, new, Z)
-    new.take_friction_from(system)
+    _copy_angles_and_centres(system, before, new, Z)
+    new.copy_friction_from(system)
     layout.set_dependent_coordinates(Z)
     if passage.car in system.layout.angle_off_rope and passage.car not in layout.angle_off_rope:
         velocity = points_off_rope[passage.car][1]
-        _keep_moment_about_hanger(system, passage.car, velocity, new, Z)
+        _set_cabin_rate_keeping_moment(system, passage.car, velocity, new, Z)
     for i in range(layout.segments):
         _fit_segment(system.layout, before, layout, Z, i)
     equations = new.equations
@@ -56,7 +56,7 @@ def _set_contact_coordinates(new: LineSines, Z: Array, snapshot: LineSnapshot) -
         Z[:2, [layout.x[k], layout.y[k]]] = snapshot.points[contact.name][:2]
 
 
-def _carry_angles_and_centres(old: LineSines, before: Array, new: LineSines, Z: Array) -> None:
+def _copy_angles_and_centres(old: LineSines, before: Array, new: LineSines, Z: Array) -> None:
     """Set angles and centres in Z, with their velocities, to those before."""
     earlier = {contact.name: j for j, contact in enumerate(old.line.contacts_and_wheels)}
     for k, contact in enumerate(new.line.contacts_and_wheels):
@@ -74,7 +74,7 @@ def _cabin_angle_indices(system: LineSines) -> dict[str, int]:
     return {car.name: int(system.layout.angle[k]) for k, car in cars} | system.layout.angle_off_rope
 
 
-def _keep_moment_about_hanger(old: LineSines, name: str, velocity: Array, new: LineSines, Z: Array) -> None:
+def _set_cabin_rate_keeping_moment(old: LineSines, name: str, velocity: Array, new: LineSines, Z: Array) -> None:
     """Set the rate of the cabin of a car that takes the rope: its velocity (2,) may jump, moments do not."""
     layout = new.layout
     body = old.off_rope[name].body
@@ -94,7 +94,7 @@ def positions_slopes_and_velocities_at(layout: Layout, Z: Array, s: Array) -> Ar
     h = at[i + 1] - at[i]
     xi = (s - at[i]) / h
     ds_of_xi = ds[i] + xi * (ds[i + 1] - ds[i])
-    B, slopes = (basis_functions(xi, layout.terms, order)[:, None] for order in range(2))  # (m, 1, M)
+    B, slopes = (sines_and_polynomials(xi, layout.terms, order)[:, None] for order in range(2))  # (m, 1, M)
     u, du = Z[:2, layout.columns[i, :-2]].reshape(2, s.size, -1, 2)
     r = (B @ u)[:, 0]
     slope = (slopes @ u)[:, 0] / h[:, None]

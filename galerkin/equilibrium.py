@@ -31,7 +31,7 @@ class Equilibrium(NamedTuple):
     min_tension_at: Array
 
 
-def forces_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibrium:
+def rope_forces_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibrium:
     """Internal forces at the car, the supports, and along s in these frames, by integrating the balance of forces.
 
     x : states of the run;  s : stations (m,);  frames : indices of states (k,).
@@ -68,7 +68,7 @@ def forces_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibrium
             before = behind[k, None] - triangle_behind * ray_behind[k, None]
             after = ahead[k, None] + triangle_ahead * ray_ahead[k, None]
             is_behind = (s <= s_o[k])[..., None]
-            return smooth + np.where(is_behind, before, after) + static_force(cable, s)
+            return smooth + np.where(is_behind, before, after) + static_rope_force(cable, s)
 
         return force
 
@@ -76,11 +76,11 @@ def forces_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibrium
     count = 60  # for the smallest tension
     stations = np.concatenate([[0.0], s[:: 1 + s.size // count], [1.0]])
     force = along(stations)
-    static = static_force(cable, stations)
+    static = static_rope_force(cable, stations)
     batches = np.array_split(instants, 1 + instants.size // BATCH)
     T = np.concatenate([signed_tension(force(k), static) for k in batches])
     left, right = along(ends)(instants).swapaxes(0, 1)
-    static_at_mass = static_force(cable, x.inside)
+    static_at_mass = static_rope_force(cable, x.inside)
     return Equilibrium(
         behind=behind + static_at_mass, ahead=ahead + static_at_mass, left=left, right=right,
         along=along(s)(frames), strain=strain, min_tension=T.min(axis=1), min_tension_at=stations[T.argmin(axis=1)],
@@ -111,7 +111,7 @@ def side_force_and_energy_integrals(x: Measures) -> tuple[Array, Array]:
     return side_forces, strain
 
 
-def static_force(cable: FullCable, s: Array) -> Array:
+def static_rope_force(cable: FullCable, s: Array) -> Array:
     """T X' at s (m,), (m, 2)."""
     T, xp, yp = cable.groups.tension_and_slope(s)
     return np.stack([T * xp, T * yp], axis=1)

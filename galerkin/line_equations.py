@@ -16,7 +16,7 @@ from galerkin.segments import Layout
 from galerkin.trolley import Trolley
 
 
-def body_at_contact(line: MovingLine, contact: Contact | Car | Wheel) -> Body:
+def make_body_at_contact(line: MovingLine, contact: Contact | Car | Wheel) -> Body:
     """What a contact is tied to; a car on two wheels stands at the rear one."""
     if isinstance(contact, Wheel):
         return Body() if contact.front else Trolley(contact.car, line)
@@ -69,7 +69,7 @@ class LineEquations:
         rope = layout.line.rope
         self.line = kernels.Line(
             tables=layout.tables, at=layout.coordinates, free=self.free, shapes=layout.shapes, column=column,
-            bodies=np.concatenate([body.record for body in bodies]), rho=rope.mass_per_length,
+            bodies=np.concatenate([body.kernel_record for body in bodies]), rho=rope.mass_per_length,
             gravity=layout.line.gravity, EA=rope.EA, damping=rope.damping,
         )  # fmt: skip
         # the same memory at each call, for large new arrays are slow

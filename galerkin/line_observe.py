@@ -181,7 +181,7 @@ def _car_motion(body: CarBody, s: Array, at: ContactState) -> CarMotion:
     haul_force = grip_force = np.full(len(s), np.nan)
     if car.drive.mode == "haul":
         haul_force = at.F
-    if car.drive_kind == "grip":
+    if car.drive_mode_or_haul_x == "grip":
         grip_force = body.tangential_force_on_last_wheel(at) / x.cos_phi
     shoe_force = np.zeros(len(s))
     if car.rail is not None and isinstance(body, PointCar):

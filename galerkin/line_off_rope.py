@@ -23,7 +23,7 @@ class CarOnShoeOffRope:
         self.saddle = saddle
         self.body = PointCar(car, line)
         # row of s of the saddle, on which the grip acts
-        self.saddle_row = rows[int(layout.s[saddle])] if car.drive_kind == "grip" else None
+        self.saddle_row = rows[int(layout.s[saddle])] if car.drive_mode_or_haul_x == "grip" else None
         self.angle_row = rows[layout.angle_off_rope[car.name]] if car.hanger is not None else None
 
     @property

@@ -203,7 +203,7 @@ def _set_car_on_chord(system: LineSines, k: int, chord: Chord, Z: Array) -> None
     front = system.travel_contact[k]
     s, x, y = layout.s[front], layout.x[front], layout.y[front]
     s_0, s_1 = chord.s
-    if system.cars[k].car.drive_kind == "haul_x":
+    if system.cars[k].car.drive_mode_or_haul_x == "haul_x":
         fraction = (Z[0, x] - chord.start[0]) / chord.direction[0]
         Z[0, s] = s_0 + fraction * (s_1 - s_0)
     else:

@@ -24,7 +24,7 @@ from cablefem.shoes import Passage
 from galerkin import kernels
 from galerkin.bodies import CarBody, Friction, Saddle
 from galerkin.kernels import LineValues
-from galerkin.line_equations import LineEquations, body_at_contact
+from galerkin.line_equations import LineEquations, make_body_at_contact
 from galerkin.line_observe import observe
 from galerkin.line_off_rope import CarOnShoeOffRope
 from galerkin.line_rest import chord_lengths, coordinates_at_rest
@@ -44,12 +44,12 @@ class LineSines(LineInMotion):
         self.line = line
         self.layout = Layout(line, terms)
         self.phases = line.phases
-        bodies = [body_at_contact(line, contact) for contact in line.contacts_and_wheels]
+        bodies = [make_body_at_contact(line, contact) for contact in line.contacts_and_wheels]
         held = [body.copy_held() if isinstance(body, CarBody) else body for body in bodies]
         self.cars = {k: body for k, body in enumerate(bodies) if isinstance(body, CarBody)}
         # contact of each car that its travel is of: the front wheel
         self.travel_contact = {k: k + body.contacts - 1 for k, body in self.cars.items()}
-        self.free_cars = {k: body for k, body in self.cars.items() if body.car.drive_kind == "free"}
+        self.free_cars = {k: body for k, body in self.cars.items() if body.car.drive_mode_or_haul_x == "free"}
         self.equations = LineEquations(self.layout, bodies)
         self.held_equations = LineEquations(self.layout, held)
         self.n_dof = self.equations.size
@@ -60,7 +60,7 @@ class LineSines(LineInMotion):
         self.reached = np.zeros(len(bodies))  # [m] s up to which the brakes of free cars act
         self.holds = np.zeros(len(bodies))  # [N] on free cars before they are released
         self.held_since = np.zeros(len(bodies))  # [s] when friction stopped free cars last
-        self.watch({k: body.car for k, body in self.cars.items()})
+        self.set_watched_events({k: body.car for k, body in self.cars.items()})
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
         self.off_rope = self._cars_off_rope()
         self._acting_off_rope = [car for car in self.off_rope.values() if car.acts_in_rows]
@@ -99,7 +99,7 @@ class LineSines(LineInMotion):
             car = body.car
             front = self.travel_contact[k]
             if car.travel is not None:
-                at = layout.x if car.drive_kind == "haul_x" else layout.s
+                at = layout.x if car.drive_mode_or_haul_x == "haul_x" else layout.s
                 Z[..., at[front]] = self.line.prescribed_positions_with_rates(car, t, phase)
             else:
                 Z[0, ..., layout.s[front]] = car.drive.start
@@ -150,7 +150,7 @@ class LineSines(LineInMotion):
         _, K = self._residual_and_derivatives(State(t, q, v, a, phase))
         return [self.equations.inverse_or_nan(c, K) for c in cs]
 
-    def take_steps_with_factors(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
+    def take_steps_while_factors_serve(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
         prescribed = self.prescribed_coordinates(node_times, phase)
         line = kernels.LineInSteps(
             line=self.equations.line,
@@ -159,7 +159,7 @@ class LineSines(LineInMotion):
         )
         moving = np.ones(self.n_dof, bool)
         moving[self.sticking_unknowns] = False
-        return int(kernels.take_steps_with_factors(line, moving, march))
+        return int(kernels.take_steps_while_factors_serve(line, moving, march))
 
     def _residual_and_derivatives(self, x: State) -> tuple[Array, Array]:
         """The residual, and its derivatives (3, n_dof, n_dof) by q, v, a."""
@@ -247,7 +247,7 @@ class LineSines(LineInMotion):
         self.holds[k] = float(body.tangential_force_on_last_wheel(state)) / cos_phi
         needed = self.holds[k] - thrust / cos_phi
         s = float(Z[0, self.layout.s[self.travel_contact[k]]])
-        self.set_friction(k, s, -float(np.sign(needed)))
+        self.set_friction_and_forget_event_values(k, s, -float(np.sign(needed)))
         available = body.max_friction_plus_brake_force(state, Friction(*self.frictions[k]))
         if drive.has_friction_or_brakes and abs(needed) <= available:
             raise StepFailure(0.0, f"friction or brakes hold {body.car.name} where it begins", "begin on steeper rope")

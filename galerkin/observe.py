@@ -10,7 +10,7 @@ from cablefem.newmark import States
 from cablefem.response import Observation
 from galerkin.bases.kink import Array
 from galerkin.equilibrium import (
-    forces_from_equilibrium,
+    rope_forces_from_equilibrium,
     signed_tension,
     slopes_from_forces,
     sum_of_functions,
@@ -201,7 +201,7 @@ def _full_cable_forces(
     T_o = cable.groups.static_tension(x.s_o)
     static_o, _ = cable.static_slope_and_curvature(x.s_o)
     static, _ = cable.static_slope_and_curvature(s)
-    balanced = forces_from_equilibrium(x, s, frames)
+    balanced = rope_forces_from_equilibrium(x, s, frames)
     none_behind = np.where(x.s_o > 0.0, 0.0, np.nan)
     none_ahead = np.where(x.s_o < 1.0, 0.0, np.nan)
     behind = signed_tension(balanced.behind, slopes[0]) + none_behind

@@ -64,7 +64,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
             raise ValueError("a car that rolls needs load = mass: without inertia it has no travel of its own")
         if not (kink and isinstance(basis, Fourier)):
             raise ValueError("a car that rolls needs sines with a hat that travels with it: take method fourier-kink")
-        self.attach_drive(groups)
+        self.attach_drive_and_reset(groups)
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
         self._past = np.empty((0, 3))  # rows t, p.

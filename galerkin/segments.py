@@ -14,14 +14,14 @@ from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem.scene.contacts import Array, Car, MovingLine, Wheel
 from galerkin import kernels
-from galerkin.bodies import rail_record
+from galerkin.bodies import rail_kernel_record
 from galerkin.trolley import Follower, wheel_arm_in_car_axes
 
 # coefficients of xi (1 - xi), xi (1 - xi)(1 - 2 xi), 1 - xi, xi by rising powers, one a column
 POLYNOMIALS = np.array([[0.0, 1.0, -1.0, 0.0], [0.0, 1.0, -3.0, 2.0], [1.0, -1.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]).T
 
 
-def basis_functions(xi: Array, terms: int, order: int) -> Array:
+def sines_and_polynomials(xi: Array, terms: int, order: int) -> Array:
     """B, or their first or second derivatives by xi, (points, terms + 4)."""
     k = np.pi * np.arange(1, terms + 1)
     wave = np.cos if order == 1 else np.sin
@@ -30,13 +30,13 @@ def basis_functions(xi: Array, terms: int, order: int) -> Array:
     return np.concatenate([sines, polynomials], axis=1)
 
 
-def function_tables(terms: int) -> kernels.Tables:
+def segment_function_tables(terms: int) -> kernels.Tables:
     """The functions B of a segment at Gauss points of [0, 1]."""
     points, weights = np.polynomial.legendre.leggauss(2 * terms + 12)
     points = 0.5 + 0.5 * points
     weights = 0.5 * weights
-    B, slopes, bends = (basis_functions(points, terms, order) for order in range(3))
-    end_slopes = basis_functions(np.array([0.0, 1.0]), terms, 1)
+    B, slopes, bends = (sines_and_polynomials(points, terms, order) for order in range(3))
+    end_slopes = sines_and_polynomials(np.array([0.0, 1.0]), terms, 1)
     return kernels.Tables(
         points=points, weights=weights, B=B,
         of_q=np.concatenate([slopes, bends, end_slopes]), tests=np.concatenate([B, slopes]).T.copy(),
@@ -64,7 +64,7 @@ class Layout:
         contacts = dict(enumerate(line.contacts_and_wheels))
         self.contacts = len(contacts)
         self.segments = self.contacts - 1
-        self.tables = function_tables(terms)
+        self.tables = segment_function_tables(terms)
         self.means = means_over_shortest_waves(self.tables, terms)
         self.functions = terms + 2  # without those of the ends
         self.inner = 2 * self.functions * self.segments
@@ -80,7 +80,7 @@ class Layout:
         followers = [*self._driven_centres(wheels), *self.wheels.values()]
         # y of the cars on rails, from their x
         rails = {k: contact.rail for k, contact in contacts.items() if isinstance(contact, Car) and contact.rail}
-        on_rails = [(self.y[k], self.x[k], rail_record(rail)) for k, rail in rails.items()]
+        on_rails = [(self.y[k], self.x[k], rail_kernel_record(rail)) for k, rail in rails.items()]
         between_wheels = [k for k, wheel in wheels.items() if not wheel.front]
         segments = range(self.segments)
         self.outer = [i for i in segments if i not in between_wheels]
@@ -94,7 +94,7 @@ class Layout:
         self.columns = np.column_stack([q, points[:-1], points[1:], self.s[:-1], self.s[1:]])
         self.coordinates = kernels.Coordinates(
             columns=self.columns, moving=self.moving, s=self.s.copy(), F=self.F.copy(),
-            followers=np.array([record for x in followers for record in x.records], kernels.FOLLOWER),
+            followers=np.array([record for x in followers for record in x.kernel_records], kernels.FOLLOWER),
             on_rails=np.array(on_rails, kernels.ON_RAIL),
         )  # fmt: skip
 
@@ -107,7 +107,7 @@ class Layout:
         """x of the centres of cars whose front wheel has a prescribed x."""
         centres = []
         for k, wheel in wheels.items():
-            if wheel.front and wheel.car.drive_kind == "haul_x":
+            if wheel.front and wheel.car.drive_mode_or_haul_x == "haul_x":
                 x, y = wheel_arm_in_car_axes(wheel)
                 rear = self.moving[k - 1]
                 centres.append(Follower(rear[3:4], self.moving[k, :1], int(self.angle[k - 1]), (-x, -y)))

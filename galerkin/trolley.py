@@ -37,7 +37,7 @@ class Follower(NamedTuple):
     arm: Pair  # [m] along e1, e2
 
     @property
-    def records(self) -> list[tuple[Any, ...]]:
+    def kernel_records(self) -> list[tuple[Any, ...]]:
         """Of `kernels.FOLLOWER`, one for each axis."""
         x, y = self.arm
         return [(*places, self.pitch, *arm) for *places, arm in zip(self.p, self.c, ((x, y), (y, -x)), strict=False)]
@@ -58,7 +58,7 @@ class Trolley(CarBody):
 
     def __init__(self, car: Car, line: MovingLine) -> None:
         super().__init__(car, line)
-        self.unknown = {"grip": "tuvs", "haul": "tuvsF", "haul_x": "tvsSF", "free": "tuvsS"}[car.drive_kind]
+        self.unknown = {"grip": "tuvs", "haul": "tuvsF", "haul_x": "tvsSF", "free": "tuvsS"}[car.drive_mode_or_haul_x]
         self.arms = [wheel_arm_in_car_axes(Wheel(car=car, front=front)) for front in (False, True)]
         self.inertia = car.wheels.inertia if car.wheels is not None else 0.0
         drive = car.drive
@@ -82,7 +82,7 @@ class Trolley(CarBody):
         return np.stack([kinetic, 0.0 * kinetic, potential])
 
     def drag_drive_and_swing_powers(self, x: ContactState) -> dict[str, Array]:
-        if self.car.drive_kind == "grip":
+        if self.car.drive_mode_or_haul_x == "grip":
             return {}
         direction = rotate(self.thrust_axes, x.angle)
         speed = dot(direction, x.dc) + self.lever * x.dangle[..., 0]  # of where F acts

@@ -160,7 +160,7 @@ def car_forces(numbers: Any, inputs: Any) -> ForcesOnCars:
     return ForcesOnCars(contact_x, contact_y, drive, tau_x, tau_y, stretch, haul, friction, normal, swing, power)
 
 
-def counterweight_row(numbers: Any, ds: Any, dds: Any) -> Any:
+def counterweight_balance_row(numbers: Any, ds: Any, dds: Any) -> Any:
     """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds, by rates of s there.
 
     numbers : G, e, m (1 + G/EA), q y, rho, EA; e is 1 at the right end, -1 at the left one.

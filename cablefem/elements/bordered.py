@@ -34,7 +34,7 @@ class BandDerivatives:
         self.dropped = at
 
     @cached_property
-    def _parts(self) -> list[Array]:
+    def _band_border_and_corner(self) -> list[Array]:
         """The band, ab[:, i, b + j - i] = A[:, i, j], columns and rows of the border, and its corner."""
         n = self.n
         i = np.arange(n)[:, None]
@@ -49,7 +49,7 @@ class BandDerivatives:
 
         n = self.n
         weights: Any = np.array(c)
-        ab, columns, rows, corner = (np.tensordot(weights, part, 1) for part in self._parts)
+        ab, columns, rows, corner = (np.tensordot(weights, part, 1) for part in self._band_border_and_corner)
         of_border = self.dropped[self.dropped >= n] - n
         ab[self.dropped[self.dropped < n], self.b] = 1.0
         corner[of_border, of_border] = 1.0

@@ -253,9 +253,9 @@ class CableElements(System):
     def _cable_motion_at_mass(self, states: States, mass_kinematics: Array) -> MotionAtMass:
         raise NotImplementedError
 
-    def _end_forces_with_mass(self, history: HistoryWithForces) -> Array:
-        """`observing.CableState.end_forces`, with the mass added on a mesh without a node at it."""
-        return history.end_forces
+    def _forces_at_side_ends_with_mass(self, history: HistoryWithForces) -> Array:
+        """`observing.CableState.forces_at_side_ends`, with the mass added on a mesh without a node at it."""
+        return history.forces_at_side_ends
 
     def _fields_at_stations(self, history: HistoryWithForces, s: Array, frames: NDArray[np.intp]) -> StationFields:
         """Fields at stations s, (m,) or (k, m), for the rows `frames` (k,)."""
@@ -282,7 +282,7 @@ class CableElements(System):
         momentum[1:] = (h * a + side * moving) * length / power
         at_node = 2.0 * ds * self._nodal_values(states.v[frames], self.node).T  # (fields, k)
         at_node += dds * self._nodal_values(states.q[frames], self.node).T
-        left, _, ahead, _ = history.end_forces[:, :, frames]
+        left, _, ahead, _ = history.forces_at_side_ends[:, :, frames]
         at_begin = np.where(is_behind, left, ahead + at_node)
         self._add_momentum_before_elements(momentum, at_begin)
         force_less_flux = momentum - _multiply_by_linear(moving, chi)

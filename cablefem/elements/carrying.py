@@ -27,7 +27,7 @@ def system_after_passage(system: LineElements, passage: Passage, x: State) -> tu
         _add_jump_of_swing_rate(system, new, passage.car, off_rope[passage.car][1], z)
     for k in range(len(new.nodes)):
         _fit_segment(system, before, new, z, k)
-    new.take_friction_from(system)
+    new.copy_friction_from(system)
     new.set_travel_directions(x.phase)
     state = consistent_acceleration(new, x.t, z.q[new.free], z.v[new.free], x.phase)
     return new, state

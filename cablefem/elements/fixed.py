@@ -50,9 +50,15 @@ class FixedElements(CableElements):
     node = 0
 
     def __init__(
-        self, groups: Groups, *, elements: int = 40, element: str = "hermite", coupling: str = "chain", **kind: str
+        self,
+        groups: Groups,
+        *,
+        elements: int = 40,
+        element: str = "hermite",
+        coupling: str = "chain",
+        **model_options: str,
     ) -> None:
-        super().__init__(groups, **kind)
+        super().__init__(groups, **model_options)
         self.elements = elements
         self._set_tables_and_matrices(_KINDS[element])
         self.particle = coupling == "path"
@@ -229,14 +235,14 @@ class FixedElements(CableElements):
         acceleration = at(N, a) + coriolis + at(ds**2 * N_ss + dds * N_s, q)
         return MotionAtMass(at(N, q), velocity, acceleration, behind, ahead)
 
-    def _end_forces_with_mass(self, history: HistoryWithForces) -> Array:
+    def _forces_at_side_ends_with_mass(self, history: HistoryWithForces) -> Array:
         """Adds the mass; half of ds_o^2 [r'] is missing in the element under it."""
         s_o = history.mass_kinematics[:, 0]
         force = history.contact_force
-        behind, ahead = history.end_forces[1:3]
-        left = history.end_forces[0] - (1.0 - s_o) * force
+        behind, ahead = history.forces_at_side_ends[1:3]
+        left = history.forces_at_side_ends[0] - (1.0 - s_o) * force
         right = behind + s_o * force
-        of_cable = history._replace(end_forces=np.stack([left, behind, ahead, right]))
+        of_cable = history._replace(forces_at_side_ends=np.stack([left, behind, ahead, right]))
         frames = np.arange(s_o.size)
         at_mass = self._fields_without_mass(of_cable, s_o[:, None], frames)
         at_behind = at_mass.force_less_flux[..., 0]

@@ -27,15 +27,15 @@ class FollowingElements(CableElements):
 
     elements : per side; degree : 1 to 8.
     grading : largest over smallest element length; the smallest are next to the mass.
-    kind : model, load and law of `CableElements`.
+    model_options : model, load and law of `CableElements`.
     """
 
     many_steps = True
 
     def __init__(
-        self, groups: Groups, *, elements: int = 10, degree: int = 2, grading: float = 1.0, **kind: str
+        self, groups: Groups, *, elements: int = 10, degree: int = 2, grading: float = 1.0, **model_options: str
     ) -> None:
-        super().__init__(groups, **kind)
+        super().__init__(groups, **model_options)
         self.reference = of = reference_mesh(elements, degree, grading)
         is_unrolled = degree == 2 and self.fields == 2
         functions = (0,) * (degree + 1) if is_unrolled else ()

@@ -69,7 +69,7 @@ class LineBalance(LineCoordinates):
 
     def _set_springs_and_counterweights(self) -> None:
         springs: list[tuple[Any, ...]] = []  # slot, stiffness and unloaded coordinate, along x and down
-        weights = []  # slot, and numbers of `bodies.counterweight_row`
+        weights = []  # slot, and numbers of `bodies.counterweight_balance_row`
         EA = self.line.rope.EA
         for k, sign in ((0, -1.0), (-1, 1.0)):
             end = self.line.supports[k]
@@ -111,14 +111,14 @@ class LineBalance(LineCoordinates):
     # --- rows --------------------------------------------------------------------------------------------------
     def residual(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.all_coordinates_from_unknowns(t, q, v, a, phase)
-        rows = self.balance_rows(t, x, phase)[..., self._unknown]
+        rows = self.balance_rows_storing_loads(t, x, phase)[..., self._unknown]
         rows[..., self.sticking_unknowns] = 0.0  # needs none, its s.. stays 0
         return rows
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
         return self.residual(t, q, v, a, phase)
 
-    def balance_rows(
+    def balance_rows_storing_loads(
         self,
         t: Array | float,
         x: Coordinates,
@@ -215,7 +215,7 @@ class LineBalance(LineCoordinates):
         """Add supports, cars, and the rows that determine F."""
         self._add_support_derivatives(out, x)
         slots = list(map(self._row_slots_of_car, self.point_cars))
-        slots += [trolley.rows.tolist() for trolley in self.trolleys]
+        slots += [trolley.row_slots.tolist() for trolley in self.trolleys]
         for rows, (by_input, inputs) in zip(slots, [*points, *wheels], strict=True):
             for slot, values in zip(rows, (by_input @ inputs).swapaxes(0, 1), strict=False):
                 out.values[:, slot] += values

@@ -64,7 +64,7 @@ class LineCoordinates(System):
         # numbers of hauled cars, and their slots of F/M
         self.of_force = [i for i, car in enumerate(self.line.cars_on_rope) if car.drive.mode == "haul"]
         self.force = self.s[-1] + 1 + np.arange(len(self.of_force))
-        self.free_cars = [i for i, car in enumerate(self.line.cars_on_rope) if car.drive_kind == "free"]
+        self.free_cars = [i for i, car in enumerate(self.line.cars_on_rope) if car.drive_mode_or_haul_x == "free"]
 
     @property
     def _force_slots(self) -> Slots:
@@ -108,7 +108,7 @@ class LineCoordinates(System):
 
     def slot_set_by_travel(self, i: int) -> int:
         """Slot that the travel of car i prescribes: s, or x of a car hauled in x."""
-        if self.line.cars_on_rope[i].drive_kind != "haul_x":
+        if self.line.cars_on_rope[i].drive_mode_or_haul_x != "haul_x":
             return self.slot_of_s(i)
         trolley_slots = {trolley.i: int(trolley.body[0]) for trolley in self.trolleys}
         return trolley_slots.get(i, int(self.xy[self.car_contacts[i], 0]))

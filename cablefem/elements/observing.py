@@ -48,16 +48,16 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     direction = system.direction.T
     behind = static + direction @ w_s_behind
     ahead = static + direction @ w_s_ahead
-    history = HistoryWithForces(states, kinematics, cable.end_forces, force)
-    history = history._replace(end_forces=system._end_forces_with_mass(history))
+    history = HistoryWithForces(states, kinematics, cable.forces_at_side_ends, force)
+    history = history._replace(forces_at_side_ends=system._forces_at_side_ends_with_mass(history))
     if system.fields == 2:
         law = system._law[0], system._law[3]
         sections = [section_state(static, T, r_s - static, *law) for r_s in (behind, ahead)]
         beside = _BesideMass(static, T, behind, ahead, *sections)
-        at_mass = _tensions_and_reactions(system, history.end_forces, node_kinematics[1], beside)
+        at_mass = _tensions_and_reactions(system, history.forces_at_side_ends, node_kinematics[1], beside)
         power += ds * _kink_force(beside)
     else:
-        at_mass = _chord_tensions_and_reactions(system, history.end_forces, cable.rise, T)
+        at_mass = _chord_tensions_and_reactions(system, history.forces_at_side_ends, cable.rise, T)
     power -= lost
     for name, values in at_mass.items():
         if "behind" in name:  # at the left support there is no cable behind
@@ -116,7 +116,7 @@ class HistoryWithForces(NamedTuple):
 
     states: States
     mass_kinematics: Array  # (n, 3) s_o, ds_o, dds_o
-    end_forces: Array  # see `CableState`
+    forces_at_side_ends: Array  # see `CableState`
     contact_force: Array  # of the cable on the mass (fields, n)
 
 
@@ -130,7 +130,7 @@ class CableState(NamedTuple):
     tension_min_at: Array  # its s
     rise: Array  # of the uniform tension of one field; 0 of the full cable
     # f - c^2 w' at the left support, behind and ahead of the mass, at the right support
-    end_forces: Array  # (4, fields, n)
+    forces_at_side_ends: Array  # (4, fields, n)
 
 
 def observe_cable(system: CableElements, node_kinematics: Array, states: States) -> CableState:
@@ -158,7 +158,7 @@ def observe_cable(system: CableElements, node_kinematics: Array, states: States)
         sides = _sides_with_lengths_and_signs(of_sides, node_kinematics[0])
         depth = sum(h * x[0, 0, 1] for x, h, _ in sides)  # int v ds
         potential -= system.groups.sigma * depth
-    ends = _end_forces(system, node_kinematics, of_sides, states.v, strained.force)
+    ends = _forces_at_side_ends(system, node_kinematics, of_sides, states.v, strained.force)
     energy, tension_min, tension_min_at, rise, _ = strained
     return CableState(kinetic, potential, energy, tension_min, tension_min_at, rise, ends)
 
@@ -237,8 +237,10 @@ def strain_state(system: CableElements, node_kinematics: Array, q: Array) -> Str
     return StrainState(energy, tension_min, tension_min_at, rise, force)
 
 
-def _end_forces(system: CableElements, node_kinematics: Array, moments: Array, v: Array, internal: Array) -> Array:
-    """`CableState.end_forces` with f = N t - T X'.
+def _forces_at_side_ends(
+    system: CableElements, node_kinematics: Array, moments: Array, v: Array, internal: Array
+) -> Array:
+    """`CableState.forces_at_side_ends` with f = N t - T X'.
 
     Momentum of a side, tested with phi = 1, and with phi = 1 at the mass and 0 at the support:
     int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].
@@ -339,16 +341,16 @@ def _kink_force(x: _BesideMass) -> Array:
 
 
 def _tensions_and_reactions(
-    system: CableElements, end_forces: Array, mesh_speed: Array, x: _BesideMass
+    system: CableElements, forces_at_side_ends: Array, mesh_speed: Array, x: _BesideMass
 ) -> dict[str, Any]:
     """Tensions at the mass and reactions of the full cable; mesh_speed : at the mass (n,)."""
     T_ends, x_ends, y_ends = system.groups.tension_and_slope(np.array([0.0, 1.0]))
     static_ends = np.stack([T_ends * x_ends, T_ends * y_ends])  # (2 fields, 2 ends)
-    left = end_forces[0] + static_ends[:, :1]
-    right = end_forces[3] + static_ends[:, 1:]
+    left = forces_at_side_ends[0] + static_ends[:, :1]
+    right = forces_at_side_ends[3] + static_ends[:, 1:]
     return {
-        "T_behind": _tension_from_momentum(system, end_forces[1], mesh_speed, (x.X_s, x.T, x.r_s_behind)),
-        "T_ahead": _tension_from_momentum(system, end_forces[2], mesh_speed, (x.X_s, x.T, x.r_s_ahead)),
+        "T_behind": _tension_from_momentum(system, forces_at_side_ends[1], mesh_speed, (x.X_s, x.T, x.r_s_behind)),
+        "T_ahead": _tension_from_momentum(system, forces_at_side_ends[2], mesh_speed, (x.X_s, x.T, x.r_s_ahead)),
         "T_behind_pointwise": x.behind.N,
         "T_ahead_pointwise": x.ahead.N,
         "reaction_left": -left.T,
@@ -356,15 +358,17 @@ def _tensions_and_reactions(
     }
 
 
-def _chord_tensions_and_reactions(system: CableElements, end_forces: Array, rise: Array, T: Array) -> dict[str, Any]:
+def _chord_tensions_and_reactions(
+    system: CableElements, forces_at_side_ends: Array, rise: Array, T: Array
+) -> dict[str, Any]:
     """`_tensions_and_reactions` for one field; its tension rises uniformly."""
     g = system.groups
     T_chord, curvature = system._law[1:3]
     chord = np.array([g.chord_cos, g.chord_sin])
     along = (T_chord + rise)[:, None] * chord
     across = 0.5 * T_chord * curvature
-    left = along + (end_forces[0].T + across) @ system.direction
-    right = along + (end_forces[3].T - across) @ system.direction
+    left = along + (forces_at_side_ends[0].T + across) @ system.direction
+    right = along + (forces_at_side_ends[3].T - across) @ system.direction
     at_mass = T + rise
     return {"T_behind": at_mass, "T_ahead": at_mass, "reaction_left": -left, "reaction_right": right}
 

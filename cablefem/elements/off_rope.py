@@ -24,7 +24,7 @@ class CarOnShoeOffRope:
         self.rail = car.rail
         self.saddle = saddle
         self.swing = swing
-        self.grips = car.drive_kind == "grip"
+        self.grips = car.drive_mode_or_haul_x == "grip"
         self.data = masses_drag_and_friction([car], line.gravity)
         self.lever, _, self.inertia, self.resistance = swing_constants(car, line.gravity)
 

@@ -78,7 +78,7 @@ def _solve_rest_by_newton(
 
     def rows(q: Array) -> Array:
         x = resting_coordinates_with_forces(system, q)
-        return system.balance_rows(t, x, phase, cars=cars, law=law)[free]
+        return system.balance_rows_storing_loads(t, x, phase, cars=cars, law=law)[free]
 
     def damped_step(q: Array, step: Array, before: float) -> tuple[Array, Array, float]:
         """q and its rows after the fraction of a step that makes the rows smaller, and that fraction."""
@@ -195,7 +195,7 @@ def _station_of(contact: Contact | Car | Wheel, x: float, gravity: float) -> Sta
     """A contact as a station of a line at rest; a car is at x, and its weight acts there."""
     if not isinstance(contact, Contact):
         car, share = (contact.car, 0.5) if isinstance(contact, Wheel) else (contact, 1.0)
-        kind = "hauled" if car.drive_kind == "haul_x" else "grips"
+        kind = "hauled" if car.drive_mode_or_haul_x == "haul_x" else "grips"
         return Station(contact.name, kind, x, np.nan, share * car.mass * gravity)
     x, y = contact.point
     return Station(contact.name, contact.kind, x, y, contact.force or 0.0, contact.stiffness)
@@ -214,7 +214,7 @@ def _guess_contact_x(system: LineBalance, q: Array) -> Array:
     x[system.support_contacts] = points[:, 0]
     for i, car in enumerate(line.cars_on_rope):
         position = q[system.slot_set_by_travel(i)]
-        is_x = car.drive_kind == "haul_x"
+        is_x = car.drive_mode_or_haul_x == "haul_x"
         x[system.car_contacts[i]] = position if is_x else np.interp(position - begin, along, points[:, 0])
     for trolley in system.trolleys:
         x[trolley.k - 1] = x[trolley.k] - trolley.wheels.base

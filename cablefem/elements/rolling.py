@@ -31,8 +31,8 @@ NO_BOUNDS = np.empty(0)  # course of a car in single steps
 TINY = 1e-30  # factor of dr/da, for a tangent that is regular for the rope's force
 
 
-def make_following_elements(groups: Groups, **kind: Any) -> FollowingElements:
-    return (FollowingElements if groups.drive.mode == "grip" else RollingElements)(groups, **kind)
+def make_following_elements(groups: Groups, **model_options: Any) -> FollowingElements:
+    return (FollowingElements if groups.drive.mode == "grip" else RollingElements)(groups, **model_options)
 
 
 class RollingElements(RollingCar, FollowingElements):
@@ -44,15 +44,15 @@ class RollingElements(RollingCar, FollowingElements):
     drives = ("free", "haul")
     short_steps_after_jumps = False
 
-    def __init__(self, groups: Groups, **kind: Any) -> None:
-        super().__init__(groups, **kind)
-        self._at_rest = kind | {"law": "tension-only"}
+    def __init__(self, groups: Groups, **model_options: Any) -> None:
+        super().__init__(groups, **model_options)
+        self._at_rest = model_options | {"law": "tension-only"}
         if self.fields == 1 or self.load == "force":
             subject = f"model {self.model}" if self.fields == 1 else "a moving force without mass"
             raise ValueError(
                 f"{subject} has no balance along the cable: a car that rolls needs the full model and a mass"
             )
-        self.attach_drive(groups)
+        self.attach_drive_and_reset(groups)
         self._air = self.drive.k, self.drive.wind, self.drive.mu_r
         self.n_dof += 1
 

@@ -171,7 +171,7 @@ class Segments:
         return fields_at_point(self.damping, self.rope_law(1), self.xi, self.motion_at_points(motion))
 
     # --- rows ------------------------------------------------------------------------------------------------
-    def node_and_end_rows(self, p: PointFields) -> tuple[Array, Array]:
+    def rows_of_nodes_and_segment_ends(self, p: PointFields) -> tuple[Array, Array]:
         """Rows of the nodes (K, nn, 2) and of s at both ends (2, K)."""
         density = np.stack(row_densities(self.rho, self.q, self.xi, p)) * self.weights  # (6, K, G)
         of_nodes = density[0:2] @ self.values + density[2:4] @ self.slopes

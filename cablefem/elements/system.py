@@ -41,7 +41,7 @@ class LineElements(LineInMotion, LineBalance):
         super().__init__(line, elements, degree)
         self.many_steps = not self.acting_off_rope
         cars = line.cars_on_rope
-        self.watch(dict(enumerate(cars)))
+        self.set_watched_events(dict(enumerate(cars)))
         self._wheels_on_shoes = np.array([cars[i].rail is not None for i in self.car_of_wheel], bool)
 
     # --- start ---------------------------------------------------------------------------------------------
@@ -62,7 +62,7 @@ class LineElements(LineInMotion, LineBalance):
         at_rest = resting_coordinates_with_forces(self, q)
         if self.car_contacts:
             self._release_free_cars(t, phase, at_rest, car_loads_at_rest(self, t, phase))
-        rows = self.balance_rows(t, at_rest, phase)
+        rows = self.balance_rows_storing_loads(t, at_rest, phase)
         self.refuse_slack_rope(t, self._min_tension_and_saddle_pressures(rows, self.loads[0]))
         q[self.force] = 0.0
         v[self.force] = 0.0
@@ -82,23 +82,23 @@ class LineElements(LineInMotion, LineBalance):
         y = self.slopes_and_motion_at_cars(x)
         forces = forces_on_cars(held, y)
         stretch = forces.stretch
-        rows = self.balance_rows(t, x, phase, cars=held)
+        rows = self.balance_rows_storing_loads(t, x, phase, cars=held)
         self.hold = rows[slots] / stretch
         for i in self.free_cars:
-            self.set_friction(i, x.q[slots[i]], self.slip_sign(i))
+            self.set_friction_and_forget_event_values(i, x.q[slots[i]], self.slip_sign(i))
         now = self.car_loads_and_masses(t, phase)
-        self.balance_rows(t, x, phase, cars=now)
+        self.balance_rows_storing_loads(t, x, phase, cars=now)
         loads = np.bincount(self.car_of_wheel, np.abs(self.loads[0, :-1]))
         none = np.zeros_like(now.hold)
         frictionless = now._replace(hold=none, sign=none)
-        rows = self.balance_rows(t, x, phase, cars=frictionless)
+        rows = self.balance_rows_storing_loads(t, x, phase, cars=frictionless)
         needed = rows[slots] / stretch
         behind = y[:, 0:2]
         cos_phi = np.sum(behind * forces.tau, axis=1) / vector_length(behind)
         thrust_angles = [car.drive.thrust_angle for car in self.line.cars_on_rope]
         needed -= now.thrust * np.cos(thrust_angles) / cos_phi
         for i in self.free_cars:
-            self.set_friction(i, self.reached[i], -np.sign(needed[i]) or 1.0)
+            self.set_friction_and_forget_event_values(i, self.reached[i], -np.sign(needed[i]) or 1.0)
             car = self.line.cars_on_rope[i]
             holding = car.drive.mu_r * loads[i] + self.brakes[i]
             if car.drive.has_friction_or_brakes and abs(needed[i]) <= holding:
@@ -120,7 +120,7 @@ class LineElements(LineInMotion, LineBalance):
 
     def holding_force(self, i: int, x: State) -> float:
         z = self.all_coordinates_from_unknowns(*x)
-        return float(self._holding_force(i, z, self.balance_rows(x.t, z, x.phase)))
+        return float(self._holding_force(i, z, self.balance_rows_storing_loads(x.t, z, x.phase)))
 
     def _holding_force(self, i: int, z: Coordinates, rows: Array) -> Array:
         """Force [N] of friction and brakes along the rope that a car which sticks needs; of two wheels all of it."""
@@ -135,16 +135,16 @@ class LineElements(LineInMotion, LineBalance):
         return largest - np.abs(self._holding_force(i, z, rows))
 
     # --- steps ---------------------------------------------------------------------------------------------
-    def take_steps_with_factors(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
+    def take_steps_while_factors_serve(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
         cars = self.car_loads_and_masses(node_times, phase)
         prescribed = self.prescribed_coordinates(node_times, phase)
-        return self._kernel.take_steps_with_factors(
+        return self._kernel.take_steps_while_factors_serve(
             self.law, cars, self._unknown, self.moving_coordinates, prescribed, march
         )
 
     # --- events --------------------------------------------------------------------------------------------
     def contact_positions_and_forces(self, t: Any, coordinates: Coordinates, phase: int) -> tuple[Array, list[Array]]:
-        rows = self.balance_rows(t, coordinates, phase)
+        rows = self.balance_rows_storing_loads(t, coordinates, phase)
         loads = self.loads.reshape(*np.shape(t), self.loads.shape[-1])
         wheel_loads = loads[..., :-1]
         pressing = np.where(self._wheels_on_shoes, np.inf, wheel_loads)  # a car does not leave a shoe

@@ -62,7 +62,7 @@ class TrolleyForces(NamedTuple):
     hold: Array  # <lam> times it, at the front wheel
 
     @property
-    def rows(self) -> tuple[Array, ...]:
+    def balance_rows(self) -> tuple[Array, ...]:
         """Rows of X, th and s of both wheels."""
         return (*self.body[:3], -self.rear.friction, -self.front.friction - self.hold)
 
@@ -137,7 +137,7 @@ class Trolley:
         self.system = system
         self.contacts = np.array([self.k - 1, self.k])
         self.points = system.xy[self.contacts]  # (wheel, 2)
-        self.rows = np.array([*body, *system.s[self.contacts]])
+        self.row_slots = np.array([*body, *system.s[self.contacts]])
 
     def rope_slopes_at_wheels(self, q: Array) -> Array:
         """r' at the sides of both wheels (..., 4, 2), from all coordinates (..., size)."""
@@ -175,7 +175,7 @@ class Trolley:
         q = coordinates[0]
         y = self.force_inputs(coordinates, rope_rows)
         shifted = y[:, None] + 1j * STEP * np.eye(INPUTS)
-        rows = self.forces(cars, shifted).rows
+        rows = self.forces(cars, shifted).balance_rows
         inputs = np.zeros((3, INPUTS, q.size))
         slopes = [self.system.slopes_beside_by_coordinates(k, q) for k in self.contacts.tolist()]
         inputs[0, :8] = np.concatenate(slopes)
@@ -197,4 +197,4 @@ class Trolley:
         values[:, :, [x, y]] += values[:, :, rear] + values[:, :, front]
         by_pitch = self.wheels.base * np.array([math.sin(pitch), -math.cos(pitch)])
         values[:, :, th] += values[:, :, rear] @ by_pitch
-        values[:, self.rows] += by_rope_rows @ values[:, self.points.ravel()]
+        values[:, self.row_slots] += by_rope_rows @ values[:, self.points.ravel()]

@@ -1,6 +1,6 @@
 """Compiled collocation steps with the factors of a step before, see `newton.find_root`.
 
-A wing calls `take_steps` with two compiled functions of its own, see `March`.
+A wing calls `march_while_factors_serve` with two compiled functions of its own, see `March`.
 """
 
 import math
@@ -43,7 +43,7 @@ class March(NamedTuple):
 
 
 @inner
-def take_steps(
+def march_while_factors_serve(
     set_residuals: Any, solve: Any, system: Any, slots: Any, moving: Any, with_factors: StepsWithFactors
 ) -> int:
     """Take as many steps as there are results while the factors serve; return how many have converged.
@@ -83,13 +83,13 @@ def correct_until_converged(march: March, k: int) -> bool:
     converged = False
     while iterations < newton.max_iter and not converged:
         before = norm
-        set_corrections(march)
+        set_corrections_from_residuals(march)
         subtract_corrections(march, k, 1.0)
         norm = set_residuals_return_norm(march, k)
         iterations += 1
         converged = norm <= newton.bound and norm <= FAST * max(before, newton.bound)
         if converged:
-            set_corrections(march)
+            set_corrections_from_residuals(march)
             subtract_corrections(march, k, 1.0)
         elif not norm < before:
             subtract_corrections(march, k, -1.0)
@@ -121,7 +121,7 @@ def set_residuals_return_norm(march: March, k: int) -> float:
 
 
 @inner
-def set_corrections(march: March) -> None:
+def set_corrections_from_residuals(march: March) -> None:
     """Set the corrections of all nodes for their residuals."""
     march.da[:] = 0.0
     for mode in literal_unroll(march.with_factors.modes):

@@ -129,7 +129,7 @@ class _TimeIntegration:
         """Take a step inside one of the grid; return its end and events, None to try half the length."""
         state = self.state
         system = self.system
-        rule, t1 = self._choose_rule_and_end(grid_begin, grid_end)
+        rule, t1 = self._choose_rule_and_end_time(grid_begin, grid_end)
         self.single_steps = max(0, self.single_steps - 1)
         system.begin_step(state)
         try:
@@ -145,7 +145,7 @@ class _TimeIntegration:
         self.damped_steps = max(0, self.damped_steps - 1)
         return end
 
-    def _choose_rule_and_end(self, grid_begin: float, grid_end: float) -> tuple[Stepper, float]:
+    def _choose_rule_and_end_time(self, grid_begin: float, grid_end: float) -> tuple[Stepper, float]:
         """Rule and end of the next step; StepUnderflow where it is lost in rounding."""
         state = self.state
         length = grid_end - grid_begin
@@ -159,7 +159,7 @@ class _TimeIntegration:
         if self.damped_steps and self.damped is not None:
             rule = self.damped
             length /= DAMPED_STEPS
-        t1 = _end_of_equal_step(state.t, grid_end, length)
+        t1 = _end_time_of_equal_step(state.t, grid_end, length)
         if not t1 > state.t:
             raise StepUnderflow(state.t, f"a step of {length:.2g} is lost in rounding", "take fewer steps")
         return rule, t1
@@ -193,7 +193,7 @@ class _TimeIntegration:
         for before, t in itertools.pairwise(edges):
             while t - now > shortest_step_above_rounding(t):
                 fraction = self.system.step_fraction(x, now - self.last_event, now - x.t)
-                t1 = _end_of_equal_step(now, t, (t - before) * fraction)
+                t1 = _end_time_of_equal_step(now, t, (t - before) * fraction)
                 fits = shortest_step_above_rounding(t1) < t1 - now <= longest
                 if not fits or len(ends) == MAX_ADAPTIVE_STEPS:
                     return ends
@@ -203,7 +203,7 @@ class _TimeIntegration:
         return ends
 
 
-def _end_of_equal_step(t0: float, t_end: float, max_length: float) -> float:
+def _end_time_of_equal_step(t0: float, t_end: float, max_length: float) -> float:
     """The end of the first of equal steps from t0 to t_end, each at most `max_length`."""
     if not max_length > 0.0:
         return t0

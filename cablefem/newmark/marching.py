@@ -61,7 +61,7 @@ class MarchingSystem(System):
     # a and events' values by t, of the last states
     _known_values: Mapping[float, tuple[Array, tuple[float, ...]]] | None = None
 
-    def take_steps_with_factors(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
+    def take_steps_while_factors_serve(self, phase: int, node_times: Array, march: StepsWithFactors) -> int:
         """Take steps; return how many have converged.
 
         The step after these has its guess, or corrections of it.
@@ -107,7 +107,7 @@ class MarchingSystem(System):
         results = np.zeros((count, 5))
         nodes = rule.node_times(steps.t[: count + 1])
         modes = tuple(_modes(rule, factors.solves))
-        taken = self.take_steps_with_factors(phase, nodes, StepsWithFactors(steps, results, modes, rule, newton))
+        taken = self.take_steps_while_factors_serve(phase, nodes, StepsWithFactors(steps, results, modes, rule, newton))
         if taken == count and results[-1, 4]:
             self.factors = factors
         if taken == 0:

@@ -62,10 +62,10 @@ def body_faults(mass: float | None, hanger: Hanger | None, wheels: Wheels | None
     if hanger is not None and mass is not None and hanger.mass >= mass:
         return [f"hanger.mass = {hanger.mass!r}: must be < {mass:.6g} kg, the mass of the car with it"]
     rigid = wheels is not None and wheels.model == "rigid"
-    return [] if drive is None or rigid else _point_car_drive_faults(wheels, drive)
+    return [] if drive is None or rigid else _two_wheel_keys_of_point_car_faults(wheels, drive)
 
 
-def _point_car_drive_faults(wheels: Wheels | None, drive: Driving) -> list[str]:
+def _two_wheel_keys_of_point_car_faults(wheels: Wheels | None, drive: Driving) -> list[str]:
     """Faults of keys of two wheels in the drive of a point car."""
     written = _written_two_wheel_keys(drive)
     if wheels is not None and wheels.base:  # levers count in loads by hand

@@ -108,13 +108,15 @@ class Car:
         return TravelEnd(t, position, velocity)
 
     @property
-    def drive_kind(self) -> DriveMode | Literal["haul_x"]:
+    def drive_mode_or_haul_x(self) -> DriveMode | Literal["haul_x"]:
         """How it is driven; haul_x: hauled with its travel in x."""
         return "haul_x" if self.along == "x" else self.drive.mode
 
     def station_at(self, x: float, gravity: float) -> Station:
         """The car at rest at x."""
-        return Station(self.name, "grips" if self.drive_kind == "grip" else "hauled", x, math.nan, self.mass * gravity)
+        return Station(
+            self.name, "grips" if self.drive_mode_or_haul_x == "grip" else "hauled", x, math.nan, self.mass * gravity
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,7 +240,7 @@ class MovingLine:
         length = self.rope.length or float(np.hypot(*np.diff(points, axis=0).T).sum())
         return 2.0 * length * math.sqrt(self.rope.mass_per_length / self.rope.EA)
 
-    def time_at_rest(self, held_since: float, phase: int) -> float:
+    def time_when_at_rest(self, held_since: float, phase: int) -> float:
         """When cars that friction holds since then are at rest: after an axial round trip without a change of forces.
 
         Before, the rope has not answered, and the force on a car that stops is not yet the one at rest.  inf while a

@@ -15,7 +15,7 @@ import tomli_w
 from cablefem.scene.errors import SceneError, did_you_mean, short_text
 from cablefem.scene.fields import Name, OneLine, Part, Positive, described_field
 from cablefem.scene.limits import Limits
-from cablefem.scene.surroundings import read_ground_file_of
+from cablefem.scene.surroundings import replace_ground_file_by_points
 
 _FILES = resources.files(__package__) / "library"
 # first in a list
@@ -99,7 +99,7 @@ class Described(Part):
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
         """What a TOML text describes, a file of the ground in `folder`; SceneError with all its faults."""
         data = parse_toml(text)
-        read_ground_file_of(data, folder)
+        replace_ground_file_by_points(data, folder)
         return cls(**{"name": name, **data})
 
     @classmethod
@@ -130,7 +130,7 @@ class Described(Part):
             del cable["EA"]  # it follows
         for key, value in changes.items():
             set_dotted_key(data, key, value)
-        read_ground_file_of(data, Path())
+        replace_ground_file_by_points(data, Path())
         return type(self)(**data)
 
     def variants(self, grid: Mapping[str, Iterable[Any]]) -> list[Self]:

@@ -322,7 +322,7 @@ class LineRest:
 
     def needed_counterweight_text(self, solve: Solver) -> str:
         """What a counterweight must be for all positions to have a rest; see `needed_counterweight_text`."""
-        length = self.line.fixed_end_length(self.empty)
+        length = self.line.s_of_fixed_right_end(self.empty)
         return needed_counterweight_text([self.line.case_at_position(i, length) for i in self.refused], solve)
 
 
@@ -471,7 +471,7 @@ class Line(Described):
         """A fault in the keys of the file that the line comes from."""
         return fault
 
-    def fixed_end_length(self, empty: LineState) -> float | None:
+    def s_of_fixed_right_end(self, empty: LineState) -> float | None:
         """s [m] of a fixed right end; None at a counterweight."""
         if self.contact[-1].kind == "counterweight":
             return None
@@ -486,7 +486,7 @@ class Line(Described):
             raise SceneError([f"car.{self.car[0].name}: in motion; at must be given for a line at rest"])
         refused = refused or {}
         empty = self.solve_empty_line(solve)
-        length = self.fixed_end_length(empty)
+        length = self.s_of_fixed_right_end(empty)
         tried = [i for i in range(self.position_count) if i not in refused]
         on_shoes = self._saddles_under_cars(tried)
         cases = [self.case_at_position(i, length) for i in tried]
@@ -503,7 +503,7 @@ class Line(Described):
             positions[i] = self._with_loads_in_reason(state, i)
         positions |= _refused_on_shoes(positions, on_shoes, shoe_ends)
         in_order = [positions[i] for i in range(self.position_count)]
-        return LineRest(self, empty, in_order, _sound_shoe_ends(shoe_ends))
+        return LineRest(self, empty, in_order, _shoes_solved_at_both_ends(shoe_ends))
 
     def _with_loads_in_reason(self, state: LineState | NoLineAtRest, i: int) -> LineState | NoLineAtRest:
         """Add to a search without result what the rope has to carry at position i, and what holds it."""
@@ -530,7 +530,7 @@ def _refused_if_unsound(state: LineState | NoLineAtRest) -> LineState | NoLineAt
 Ends = dict[tuple[int, str], tuple[LineState | NoLineAtRest, LineState | NoLineAtRest]]  # by position and car on a shoe
 
 
-def _sound_shoe_ends(shoe_ends: Ends) -> dict[tuple[int, str], tuple[LineState, LineState]]:
+def _shoes_solved_at_both_ends(shoe_ends: Ends) -> dict[tuple[int, str], tuple[LineState, LineState]]:
     """The shoes with a state of rest at both ends."""
     sound = {}
     for key, (left, right) in shoe_ends.items():
@@ -578,13 +578,13 @@ def _contact_faults(contacts: Sequence[Contact]) -> list[str]:
             faults.append(f"{where}: x must be > {a.at[0]:.6g} m, that of {a.name}")
         elif abs(drop) > STEEPEST * run:
             faults.append(f"{where}: must be less steep than {STEEPEST:g} m per m from {a.name}")
-    faults += _end_and_inner_kind_faults([contact.kind for contact in contacts])
+    faults += _outer_and_inner_contact_kind_faults([contact.kind for contact in contacts])
     if [c.kind for c in contacts].count("counterweight") > 1:
         faults.append("contact: two counterweights; at most one, or the rope would run from one to the other")
     return faults
 
 
-def _end_and_inner_kind_faults(kinds: Sequence[str]) -> list[str]:
+def _outer_and_inner_contact_kind_faults(kinds: Sequence[str]) -> list[str]:
     """Faults of ends that are saddles, and of others that are none."""
     faults = []
     for i, kind in enumerate(kinds):

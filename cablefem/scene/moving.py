@@ -67,7 +67,7 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     rope = _rope_at_temperature(line, float(empty.s[-1]), thermal_stretch)
     t_end = max(map(_end_time, cars), default=0.0)
     moving_line = MovingLine(rope=rope, contacts=tuple(everything), t_end=t_end, gravity=line.gravity, solve=solve)
-    faults += [*_ends_in_motion_faults(moving_line), *_rear_wheel_start_faults(moving_line)]
+    faults += [*_timetable_ends_in_motion_faults(moving_line), *_rear_wheel_start_faults(moving_line)]
     faults += _timetable_meeting_or_shoe_faults(moving_line, saddles_by_car, empty)
     _raise_if_any(line, faults)
     for car in cars:
@@ -200,7 +200,7 @@ def _too_heavy_for_shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> I
             return
 
 
-def _ends_in_motion_faults(line: MovingLine) -> Iterator[str]:
+def _timetable_ends_in_motion_faults(line: MovingLine) -> Iterator[str]:
     """Cars whose timetable ends in motion, before that of another car."""
     for car in line.cars_on_rope:
         end = car.travel_end

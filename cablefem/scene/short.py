@@ -15,7 +15,7 @@ from cablefem.scene.described import parse_toml, refuse_changes_without_keys, sc
 from cablefem.scene.errors import SceneError
 from cablefem.scene.line import Line
 from cablefem.scene.scene import Scene
-from cablefem.scene.surroundings import read_ground_file_of
+from cablefem.scene.surroundings import replace_ground_file_by_points
 
 CABLE_AT_REST = ("name", "gravity", "cable", "supports")  # keys of a scene that say how its cable hangs
 
@@ -64,7 +64,7 @@ class LineOfOneSpan(Line):
             hanging = Scene(**{key: tables[key] for key in CABLE_AT_REST if key in tables}).replace(at_rest)
             described = parse_toml(hanging.to_toml())
             tables |= {key: described[key] for key in CABLE_AT_REST}
-        read_ground_file_of(tables, Path())
+        replace_ground_file_by_points(tables, Path())
         return tables
 
 
@@ -95,7 +95,7 @@ def load_line_or_none(name_or_path: str | Path) -> Line | None:
     wheels = mass.get("wheels", {})
     point = isinstance(wheels, dict) and wheels.get("model") == "point" and not wheels.get("base")
     if "hanger" in mass or ("wheels" in mass and not point):
-        read_ground_file_of(data, folder)
+        replace_ground_file_by_points(data, folder)
         return LineOfOneSpan.from_span_tables({"name": name, **data})
     return None
 

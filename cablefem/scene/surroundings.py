@@ -53,7 +53,7 @@ Obstacles = Annotated[
 ]  # fmt: skip
 
 
-def read_ground_file_of(tables: dict[str, Any], folder: Path) -> None:
+def replace_ground_file_by_points(tables: dict[str, Any], folder: Path) -> None:
     """Replace the name of a CSV file in `ground` of a scene's tables by its points; SceneError."""
     if isinstance(name := tables.get("ground"), str):
         tables["ground"] = read_ground(name, folder)

@@ -62,9 +62,9 @@ class Law(Part):
             at_rest = f"the mass comes to rest at {begin + stopped.end_position:.6g} m"
             must = f"must be by {begin + distance:.6g} m"
             return f"stop.deceleration = {self.stop.deceleration!r}: {at_rest}; {must}"
-        return self._rest_fault(stopped, begin + stopped.end_position, length) if self.rest else ""
+        return self._final_rest_fault(stopped, begin + stopped.end_position, length) if self.rest else ""
 
-    def _rest_fault(self, motion: Motion, end: float, length: float) -> str:
+    def _final_rest_fault(self, motion: Motion, end: float, length: float) -> str:
         """Fault of a rest after a travel that ends at `end` [m] on a cable of this length [m]."""
         if abs(motion.end_speed) > ROUNDING * motion.top_speed:
             moves = f"the mass still moves with {motion.end_speed:.4g} m/s at the end of its travel"

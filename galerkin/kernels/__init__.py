@@ -17,7 +17,7 @@ from galerkin.kernels.cable import (
     Cable,
     Points,
     force_energy_and_tangent,
-    set_stiffness,
+    set_stiffness_matrix,
     smoothed_min_tension_and_position,
 )
 from galerkin.kernels.instant import CableSines
@@ -34,7 +34,7 @@ from galerkin.kernels.line import (
     set_points_and_tensions,
 )
 from galerkin.kernels.line_derivatives import evaluate_line_and_set_derivatives
-from galerkin.kernels.line_march import LineInSteps, take_steps_with_factors
+from galerkin.kernels.line_march import LineInSteps, take_steps_while_factors_serve
 from galerkin.kernels.rolling import MIN_TENSION
 from galerkin.kernels.steps import (
     StepsTaken,

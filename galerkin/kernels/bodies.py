@@ -16,7 +16,7 @@ RAIL = np.dtype([("x", "f8"), ("length", "f8"), ("coefficients", "f8", 6)])  # Y
 NUMBERS = "force mass_of_rise rho gravity mass k wind m h about_hanger damping turns on_rail inertia lever"
 BODY = np.dtype(
     [
-        *[(name, "i8") for name in ("kind", "rows", "contacts")],
+        *[(name, "i8") for name in ("kind", "balance_count", "contacts")],
         *[(name, "f8") for name in NUMBERS.split()],
         *[(name, "f8", 2) for name in ("stiffness", "point", "thrust_axes")],
         ("arms", "f8", (2, 2)),  # of two wheels

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from galerkin.kernels.dense import set_product
+from galerkin.kernels.dense import set_matrix_product
 from galerkin.law import compiled, inner, tension_stiffness_and_energy
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def set_forces_return_energy(points: Points, Q: Array, cable: Cable, force: Arra
     """Set the internal force (2, n), and what `Workspace` holds at Gauss points and of the sides; return int W ds."""
     slope = np.empty((2, points.weights.size))
     energy = 0.0
-    set_product(Q, points.phi, False, slope)
+    set_matrix_product(Q, points.phi, False, slope)
     workspace.side_forces[:] = 0.0
     for i in range(points.weights.size):
         static_slope = (points.static_slope[0, i], points.static_slope[1, i])
@@ -135,7 +135,7 @@ def set_forces_return_energy(points: Points, Q: Array, cable: Cable, force: Arra
         workspace.side_forces[side, 0] += slope[0, i]
         workspace.side_forces[side, 1] += slope[1, i]
         energy += weight * x.W
-    set_product(slope, points.phi, True, force)
+    set_matrix_product(slope, points.phi, True, force)
     return energy
 
 
@@ -152,7 +152,7 @@ def set_cosine_integrals(phi: Array, f: Array, dense: Array, rows: Array, sums: 
         rows[1, q] = f[q] * (phi[N - 1, q] / (N * math.pi))
         rows[2, q] = f[q] * phi[N, q]
         c[2 * N] += rows[0, q] * dense[q]
-    set_product(rows, phi, True, sums)
+    set_matrix_product(rows, phi, True, sums)
     for k in range(1, N + 1):
         low = sums[0, k - 1] / (k * math.pi)
         c[2 * N + k] = low
@@ -164,7 +164,7 @@ def set_cosine_integrals(phi: Array, f: Array, dense: Array, rows: Array, sums: 
 
 
 @compiled
-def set_stiffness(phi: Array, weighted_stiffness: Array, grading: float, out: Array) -> None:
+def set_stiffness_matrix(phi: Array, weighted_stiffness: Array, grading: float, out: Array) -> None:
     """Set out (2 n, 2 n) to int Phi_i' f_ab Phi_j' ds; weighted_stiffness (3, m): weighted f_xx, f_xy, f_yy.
 
     phi_j' phi_k' = j k pi^2/2 g^2 (cos((j-k) x) + cos((j+k) x)), x = pi xi, g = dxi/ds = 1 + grading phi_2'/(2 pi).
@@ -243,7 +243,7 @@ def set_tangent_with_gripping_mass(
     mu = sines.cable.inertia
     c0, c1, c2 = c
     n = now.at_mass.inertia.f.size
-    set_stiffness(now.points.phi, weighted_stiffness, sines.grading, K)
+    set_stiffness_matrix(now.points.phi, weighted_stiffness, sines.grading, K)
     for i in range(2 * n):
         k = i % n
         first = (i // n) * n

@@ -29,7 +29,7 @@ TRANSPOSED = ord("t")
 
 
 @inner
-def set_product(a: Any, b: Any, transpose_b: bool, out: Any) -> None:
+def set_matrix_product(a: Any, b: Any, transpose_b: bool, out: Any) -> None:
     """Set out (m, n) to a b, or to a b^T; ValueError unless all are in C order."""
     if not (a.flags.c_contiguous and b.flags.c_contiguous and out.flags.c_contiguous):
         raise ValueError("arrays must be in C order")

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from galerkin.kernels.bodies import FORCES, RAIL, depth_with_derivatives, set_balance_rows
-from galerkin.kernels.dense import set_product
+from galerkin.kernels.dense import set_matrix_product
 from galerkin.law import compiled, inner
 
 VALUES = 26  # at a contact, see `galerkin.bodies.ContactState`
@@ -143,9 +143,9 @@ def rope_at_points(line: Line, Z: Any) -> RopeAtPoints:
     by_q = np.empty((2 * G + 2, 2 * n * S))
     by_v = np.empty((G, 2 * n * S))
     by_a = np.empty((G, 2 * n * S))
-    set_product(tables.of_q, coefficients[0], False, by_q)
-    set_product(tables.of_q[:G], coefficients[1], False, by_v)
-    set_product(tables.B, coefficients[2] + line.damping * coefficients[1], False, by_a)
+    set_matrix_product(tables.of_q, coefficients[0], False, by_q)
+    set_matrix_product(tables.of_q[:G], coefficients[1], False, by_v)
+    set_matrix_product(tables.B, coefficients[2] + line.damping * coefficients[1], False, by_a)
     return RopeAtPoints(by_q[:G], by_q[G : 2 * G], by_v, by_a, by_q[2 * G :])
 
 
@@ -163,7 +163,7 @@ def motion_of_xi(line: Line, Z: Any, i: int, k: int, xi: float) -> Stretch:
 
 
 @inner
-def set_rope(line: Line, Z: Any, at: RopeAtPoints, out: LineValues) -> None:
+def set_rope_forces_and_rows(line: Line, Z: Any, at: RopeAtPoints, out: LineValues) -> None:
     """Set N, inertia_and_weight and rope_rows."""
     tables = line.tables
     M = tables.tests.shape[0]
@@ -187,7 +187,7 @@ def set_rope(line: Line, Z: Any, at: RopeAtPoints, out: LineValues) -> None:
                     out.inertia_and_weight[i, k, g, axis] = inertia
                     tests[g, x + axis] = tables.weights[g] * (h * inertia)
                     tests[G + g, x + axis] = tables.weights[g] * (N / stretch * (slope / h))
-    set_product(tables.tests, tests, False, out.rope_rows.reshape(M, 2 * n * S))
+    set_matrix_product(tables.tests, tests, False, out.rope_rows.reshape(M, 2 * n * S))
 
 
 @inner
@@ -223,7 +223,7 @@ def evaluate_line(line: Line, Z: Any, frictions: Any) -> LineValues:
     out = allocate_values(line, Z)
     S = out.N.shape[1]
     rope = rope_at_points(line, Z)
-    set_rope(line, Z, rope, out)
+    set_rope_forces_and_rows(line, Z, rope, out)
     set_contact_values(line, Z, rope.end_slopes, out)
     rows = np.empty(5, np.complex128)
     functions = out.rope_rows.shape[0] - 2
@@ -236,7 +236,7 @@ def evaluate_line(line: Line, Z: Any, frictions: Any) -> LineValues:
             row += 1
         for k in range(S + 1):
             set_balance_rows(line.bodies[k], out.contact_values[i, k:], frictions[i, k], out.forces_on_cars[i, k], rows)
-            for j in range(line.bodies[k].rows):
+            for j in range(line.bodies[k].balance_count):
                 r[row] = rows[j].real
                 row += 1
     return out
@@ -280,7 +280,7 @@ def set_points_and_tensions(
                 k += 1
             h = Z[i, at.s[k + 1]] - Z[i, at.s[k]]
             xi = (s[m] - Z[i, at.s[k]]) / h
-            set_basis_functions(xi, B)
+            set_sines_and_polynomials(xi, B)
             for j in range(2 * M):
                 points[i, m, j % 2] += B[j // 2] * Z[i, at.columns[k, j]]
             before = 0.0
@@ -296,7 +296,7 @@ def set_points_and_tensions(
 
 
 @inner
-def set_basis_functions(xi: float, B: Any) -> None:
+def set_sines_and_polynomials(xi: float, B: Any) -> None:
     """Set the functions (M,) of a segment at xi."""
     twice = 2.0 * np.cos(np.pi * xi)
     before = 0.0

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from galerkin.kernels.bodies import depth_with_derivatives, set_balance_rows
-from galerkin.kernels.dense import set_product
+from galerkin.kernels.dense import set_matrix_product
 from galerkin.kernels.line import (
     VALUES,
     Line,
@@ -61,7 +61,7 @@ def set_derivatives_of_segment(line: Line, Z: Any, rope: RopeAtPoints, values: L
                 tests[g, c + 8] = -mass * slope * shift
                 tests[G + g, c] = -weight * sign / h * line.EA * slope
     by = np.empty((M, tests.shape[1]))
-    set_product(tables.tests, tests, False, by)
+    set_matrix_product(tables.tests, tests, False, by)
     for m in range(M):
         for axis in range(2):
             for j in range(M):
@@ -118,21 +118,21 @@ def add_derivatives_of_body(
     body = line.bodies[k]
     x = values.contact_values[0, k:]
     rows = np.empty(5, np.complex128)
-    by = np.empty((body.rows, VALUES))
+    by = np.empty((body.balance_count, VALUES))
     tiny = 1e-30
     for j in range(body.contacts):
         for m in range(VALUES):
             x[j, m] += tiny * 1j
             set_balance_rows(body, x, friction[k], values.forces_on_cars[0, k], rows)
             x[j, m] = x[j, m].real
-            for row in range(body.rows):
+            for row in range(body.balance_count):
                 by[row, m] = rows[row].imag / tiny
-        for row in range(body.rows):
+        for row in range(body.balance_count):
             add_derivatives_through_contact(line, Z, rope, k + j, by[row], blocks, K[:, row])
 
 
 @inner
-def fold_derivatives(K: Any, p: int, x: int, n: float, dn: float, ddn: float) -> None:
+def add_derivatives_of_dependent_column(K: Any, p: int, x: int, n: float, dn: float, ddn: float) -> None:
     """Add the derivatives by column p to those by column x, where p. = n x., by n and its parts of p. and p.."""
     for row in range(K.shape[1]):
         by_p, by_v, by_a = K[0, row, p], K[1, row, p], K[2, row, p]
@@ -142,20 +142,20 @@ def fold_derivatives(K: Any, p: int, x: int, n: float, dn: float, ddn: float) ->
 
 
 @inner
-def fold_dependent_derivatives(line: Line, Z: Any, K: Any) -> None:
+def add_derivatives_of_dependent_columns(line: Line, Z: Any, K: Any) -> None:
     """Add the derivatives by what follows from other coordinates to those by these; the third of Y is left out."""
     column = line.column
     for depth in line.at.on_rails:
         x, dx, ddx = Z[0, 0, depth.x], Z[1, 0, depth.x], Z[2, 0, depth.x]
         _, slope, bend = depth_with_derivatives(depth.rail, x)
-        fold_derivatives(K, column[depth.y], column[depth.x], slope, bend * dx, bend * ddx)
+        add_derivatives_of_dependent_column(K, column[depth.y], column[depth.x], slope, bend * dx, bend * ddx)
     for i in range(line.at.followers.size - 1, -1, -1):
         follower = line.at.followers[i]
         dth, ddth = Z[1, 0, follower.pitch], Z[2, 0, follower.pitch]
         arm, n = arm_and_derivative(follower, Z[0, 0, follower.pitch])
         p = column[follower.p]
-        fold_derivatives(K, p, column[follower.pitch], n, -dth * arm, -(ddth * arm + dth**2 * n))
-        fold_derivatives(K, p, column[follower.c], 1.0, 0.0, 0.0)
+        add_derivatives_of_dependent_column(K, p, column[follower.pitch], n, -dth * arm, -(ddth * arm + dth**2 * n))
+        add_derivatives_of_dependent_column(K, p, column[follower.c], 1.0, 0.0, 0.0)
 
 
 @compiled
@@ -181,9 +181,9 @@ def evaluate_line_and_set_derivatives(line: Line, Z: Any, frictions: Any, blocks
                 K[order, row, column] = blocks[order, segment, function, shape % 2, j]
         row += 1
     for k in range(S + 1):
-        rows = line.bodies[k].rows
+        rows = line.bodies[k].balance_count
         if rows > 0:
             add_derivatives_of_body(line, Z, rope, k, frictions[0], values, blocks, K[:, row : row + rows])
         row += rows
-    fold_dependent_derivatives(line, Z, K)
+    add_derivatives_of_dependent_columns(line, Z, K)
     return values

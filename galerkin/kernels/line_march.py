@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cablefem.newmark.compiled_collocation import take_steps
+from cablefem.newmark.compiled_collocation import march_while_factors_serve
 from galerkin.kernels.line import Line, evaluate_unknowns
 from galerkin.law import compiled, inner
 
@@ -24,9 +24,9 @@ class LineInSteps(NamedTuple):
 
 
 @compiled
-def take_steps_with_factors(line: LineInSteps, moving: Any, steps: StepsWithFactors) -> int:
-    """See `take_steps`; moving (n_dof,): whether an unknown is of no car that sticks."""
-    return take_steps(set_residuals, solve, line, np.arange(moving.size), moving, steps)
+def take_steps_while_factors_serve(line: LineInSteps, moving: Any, steps: StepsWithFactors) -> int:
+    """See `march_while_factors_serve`; moving (n_dof,): whether an unknown is of no car that sticks."""
+    return march_while_factors_serve(set_residuals, solve, line, np.arange(moving.size), moving, steps)
 
 
 @inner

@@ -13,7 +13,7 @@ from galerkin.kernels.cable import (
     add_inertia_and_mass_force,
     displacement_acceleration_on_path,
 )
-from galerkin.kernels.dense import set_product
+from galerkin.kernels.dense import set_matrix_product
 from galerkin.kernels.instant import (
     CableSines,
     Instant,
@@ -310,7 +310,7 @@ def inputs_of_car(at_mass: MassTerms, ride: Ride, sines: CableSines, workspace: 
 
 
 @inner
-def add_inertia_and_rolling_car(inputs: CarInputs, R: Array) -> Car:
+def add_inertia_and_car_force_return_car(inputs: CarInputs, R: Array) -> Car:
     """Add the cable's inertia and the car to R (2, n); return the car."""
     x = car_motion_by_equilibrium(inputs)
     car = compiled_car_from_motion(inputs.loads, inputs.thrust, x.velocity, x.acceleration, x.slopes)
@@ -331,7 +331,7 @@ def side_force_derivatives_by_amplitude(phi: Array, weighted_stiffness: Array) -
         first = 0 if phi[n - 1, q] > 0.0 else 3
         for i in range(3):
             both[first + i, q] = weighted_stiffness[i, q]
-    set_product(both, phi, True, sums)
+    set_matrix_product(both, phi, True, sums)
     return sums
 
 
@@ -390,7 +390,7 @@ def set_tangent_row_of_car(
 
 
 @inner
-def complete_residual_with_car(
+def complete_residual_return_car(
     at_mass: MassTerms, ride: Ride, sines: CableSines, workspace: Workspace, R: Array
 ) -> Car:
     """Add the cable's inertia and the car to the internal force R (2, n), and set the car's row; return the car."""
@@ -398,7 +398,7 @@ def complete_residual_with_car(
     for a in range(2):
         for i in range(n):
             workspace.internal[a, i] = R[a, i]
-    car = add_inertia_and_rolling_car(inputs_of_car(at_mass, ride, sines, workspace), R)
+    car = add_inertia_and_car_force_return_car(inputs_of_car(at_mass, ride, sines, workspace), R)
     workspace.r[2 * n] = sines.cable.mu * workspace.balanced[2, 2 * n] if ride.mode == STUCK else car.defect
     return car
 
@@ -407,7 +407,7 @@ def complete_residual_with_car(
 def complete_tangent_with_car(
     now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: RealTangentFactors
 ) -> None:
-    """Set row and column of the car in K of `Workspace`; car : of `complete_residual_with_car`.
+    """Set row and column of the car in K of `Workspace`; car : of `complete_residual_return_car`.
 
     The column of s_o is a difference without dr/ds_o.
     """
@@ -431,7 +431,7 @@ def complete_tangent_with_car(
         h = STEP / (c1 + c2)
         R = np.zeros((2, n))
         moved = mass_terms(sines, (at_mass.s_o, at_mass.ds_o + h * c1, at_mass.dds_o + h * c2))
-        other = add_inertia_and_rolling_car(inputs_of_car(moved, ride, sines, workspace), R)
+        other = add_inertia_and_car_force_return_car(inputs_of_car(moved, ride, sines, workspace), R)
         K[last, last] = (other.defect - car.defect) / h
         for a in range(2):
             for i in range(n):

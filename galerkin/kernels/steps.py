@@ -130,7 +130,7 @@ def set_residual_return_car(now: Instant, ride: Ride | None, sines: CableSines, 
     if ride is None:
         add_inertia_and_gripping_mass(now.at_mass, coefficients, sines.cable, R)
         return rolling.NO_CAR
-    return rolling.complete_residual_with_car(now.at_mass, ride, sines, workspace, R)
+    return rolling.complete_residual_return_car(now.at_mass, ride, sines, workspace, R)
 
 
 @compiled
@@ -148,7 +148,7 @@ def set_residual_and_derivatives(
     copy_into(workspace.r, r)
     for k in range(derivatives.shape[0]):
         c = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
-        set_tangent(now, ride, sines, workspace, car, c)
+        set_workspace_tangent(now, ride, sines, workspace, car, c)
         copy_into(workspace.K, derivatives[k])
     lowest = smoothed_min_tension_and_position(now.points, kinematics[0], workspace.tensions, hat=1)
     return CarAndMinTension(car, lowest)
@@ -183,7 +183,7 @@ def has_prescribed_position(ride: Ride | None) -> bool:
 
 
 @shared
-def set_tangent(
+def set_workspace_tangent(
     now: Instant, ride: Ride | None, sines: CableSines, workspace: Workspace, car: Car, c: RealTangentFactors
 ) -> None:
     """Set K of `Workspace`; car : of `set_residual_return_car`."""
@@ -194,7 +194,7 @@ def set_tangent(
 
 
 @inner
-def set_predicted_end(rule: Array, begin: Array, end: Array) -> None:
+def set_predicted_end_state(rule: Array, begin: Array, end: Array) -> None:
     """Set the end of a step (3, n_dof) to the rule's guess."""
     for k in range(3):
         for i in range(begin.shape[1]):
@@ -202,7 +202,7 @@ def set_predicted_end(rule: Array, begin: Array, end: Array) -> None:
 
 
 @inner
-def correct_end(rule: Array, end: Array, newton_step: Array, fraction: float) -> None:
+def correct_end_state(rule: Array, end: Array, newton_step: Array, fraction: float) -> None:
     """Take a fraction of a Newton step from the end of a step (3, n_dof)."""
     for k in range(3):
         for i in range(newton_step.size):
@@ -210,7 +210,7 @@ def correct_end(rule: Array, end: Array, newton_step: Array, fraction: float) ->
 
 
 @inner
-def correct_end_until_residual_falls(
+def correct_end_state_until_residual_falls(
     now: Instant, step: Step, newton: Newton, norm_before: float, iterations: int
 ) -> tuple[Instant, Car, float, int]:
     """Correct the end by a Newton step, halved until |r| falls below `norm_before`.
@@ -222,7 +222,7 @@ def correct_end_until_residual_falls(
     car = rolling.NO_CAR
     norm = math.inf
     for _ in range(newton.halvings + 1):
-        correct_end(step.rule, step.end, step.workspace.step, fraction)
+        correct_end_state(step.rule, step.end, step.workspace.step, fraction)
         now, car, norm = set_step_residual_return_instant_car_norm(now, step)
         evaluations += 1
         if norm < norm_before or (iterations < newton.patience and norm < math.inf):
@@ -237,7 +237,7 @@ def solve_step(now: Instant, step: Step, newton: Newton) -> StepOutcome:
     rule = step.rule
     workspace = step.workspace
     c = rule[0, 4] * rule[0, 3], rule[1, 4] * rule[1, 3], rule[2, 4] * rule[2, 3]
-    set_predicted_end(rule, step.begin, step.end)
+    set_predicted_end_state(rule, step.begin, step.end)
     now, car, norm = set_step_residual_return_instant_car_norm(now, step)
     iterations = 0
     factorisations = 0
@@ -248,12 +248,12 @@ def solve_step(now: Instant, step: Step, newton: Newton) -> StepOutcome:
     while iterations == 0 or (newton.bound < norm < math.inf and iterations < newton.max_iter):
         if iterations == 0 or norm > newton.reuse * before:
             factorisations += 1
-            set_tangent(now, step.ride, step.sines, workspace, car, c)
+            set_workspace_tangent(now, step.ride, step.sines, workspace, car, c)
             set_lu_factors(workspace.K, workspace.factors)
         copy_into(workspace.r, workspace.step)
         solve_factored_in_place(workspace.factors, workspace.step)
         before = norm
-        now, car, norm, tried = correct_end_until_residual_falls(now, step, newton, before, iterations)
+        now, car, norm, tried = correct_end_state_until_residual_falls(now, step, newton, before, iterations)
         evaluations += tried
         iterations += 1
     lowest, where = smoothed_min_tension_and_position(now.points, now.at_mass.s_o, workspace.tensions, hat=1)

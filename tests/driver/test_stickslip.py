@@ -26,7 +26,7 @@ class Block(RollingCar):
         drive = Drive(**{"mode": "free"} | usual | drive)
         self.slope, self.damping, self.n_dof, self.phases = slope, damping, 1, drive.phases
         self.force_scale, self.force_floor = WEIGHT, 1e-15
-        self.attach_drive(SimpleNamespace(drive=drive, sigma=SIGMA, alpha=400.0))
+        self.attach_drive_and_reset(SimpleNamespace(drive=drive, sigma=SIGMA, alpha=400.0))
 
     def along(self, t, s, v, phase):
         return WEIGHT * math.sin(self.slope(s)) + float(self.drive.thrust(t, phase)) - self.damping * v

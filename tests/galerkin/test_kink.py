@@ -6,7 +6,7 @@ from numpy.polynomial.legendre import leggauss
 
 from galerkin.bases import Daubechies, Fourier
 from galerkin.bases.kink import KinkedBasis
-from galerkin.kernels import set_stiffness
+from galerkin.kernels import set_stiffness_matrix
 
 # With what the checks' own quadrature allows: phi is analytic, Hoelder 2.6, Hoelder 1.5, and its cells are 1/448.
 BASES = [
@@ -111,7 +111,7 @@ def test_gram_matrix_is_the_plain_product(basis):
     f = w * np.array([np.exp(s), np.cos(5.0 * s), s**2 - 0.3])
     direct = np.einsum("abq,iq,jq->aibj", f[[[0, 1], [1, 2]]], table, table, optimize=True).reshape(2 * functions.n, -1)
     gram = np.empty(direct.shape)
-    set_stiffness(table, f, basis.grading, gram)
+    set_stiffness_matrix(table, f, basis.grading, gram)
     np.testing.assert_allclose(gram, direct, rtol=0.0, atol=1e-14 * (9 + basis.n) * np.abs(direct).max())
-    set_stiffness(table, f[::-1].copy(), basis.grading, gram)
+    set_stiffness_matrix(table, f[::-1].copy(), basis.grading, gram)
     assert np.abs(gram - direct).max() > 0.1 * np.abs(direct).max()  # which block is which

@@ -108,7 +108,7 @@ def test_a_rider_that_friction_holds_has_stopped_and_does_not_stop_again(line, w
     stops = system.events.index("rear stops")
     assert np.isfinite(system.event_values(x)[stops])
     rear = system.stops[0]
-    system.set_friction(rear, system.reached[rear], 0.0)
+    system.set_friction_and_forget_event_values(rear, system.reached[rear], 0.0)
     assert system.event_values(x)[stops] == np.inf
 
 

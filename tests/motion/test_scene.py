@@ -45,7 +45,7 @@ def test_a_file_of_a_line_in_motion():
     found = line_in_motion(Line.from_toml(TEXT), solve)
     assert [c.name for c in found.contacts] == ["valley", "up", "tower", "down", "mountain"]
     up, down = found.cars_on_rope
-    assert (up.drive_kind, down.drive_kind) == ("grip", "haul_x")
+    assert (up.drive_mode_or_haul_x, down.drive_mode_or_haul_x) == ("grip", "haul_x")
     assert down.drive.k == pytest.approx(0.5 * 1.2 * 12.0)
     assert found.prescribed_position_with_rates(down, 0.0, 0) == (1100.0, 0.0, -0.5)
     assert found.prescribed_position_with_rates(down, found.t_end, len(found.phases) - 1) == (760.0, 0.0, 0.0)

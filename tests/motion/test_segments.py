@@ -46,8 +46,8 @@ def test_compiled_rows_are_those_of_the_segments():
     x = system.start(0, None)
     at = [z + size * rng.standard_normal(z.size) for z, size in zip(x[1:4], (0.3, 2.0, 1.0), strict=True)]
     coordinates = system.all_coordinates_from_unknowns(1.0, *at, 0)
-    rows = system.balance_rows(1.0, coordinates, 0)
-    nodes, ends = system.segments.node_and_end_rows(
+    rows = system.balance_rows_storing_loads(1.0, coordinates, 0)
+    nodes, ends = system.segments.rows_of_nodes_and_segment_ends(
         system.segments.fields_of_motion(system.segment_motion(coordinates))
     )
     want = nodes[:, 1:-1]
@@ -75,14 +75,14 @@ def test_a_straight_rope_that_slides_through_its_contacts_feels_nothing(degree):
     along = [e[:, :1] * (one - xi) + e[:, 1:] * xi for e in ends]  # s, c, dc of the nodes (3, nn)
     nodal = [z[..., None] * b for z in along]
     nodal[1] = nodal[1] + one[:, None] * u
-    nodes, rows = segments.node_and_end_rows(segments.fields_of_motion(Motion(*nodal, *ends)))
+    nodes, rows = segments.rows_of_nodes_and_segment_ends(segments.fields_of_motion(Motion(*nodal, *ends)))
     scale = np.abs(nodes).max()
     assert np.abs(nodes[:, 1:-1]).max() < 1e-12 * scale
     assert np.abs(nodes[:-1, -1] + nodes[1:, 0]).max() < 1e-12 * scale
     assert np.abs(rows[1, :-1] + rows[0, 1:]).max() < 1e-12 * np.abs(rows).max()
     # must fail: nodes that do not follow the contact at the right
     ends[1] = ends[1] * [1.0, 1.01]
-    nodes, _ = segments.node_and_end_rows(segments.fields_of_motion(Motion(*nodal, *ends)))
+    nodes, _ = segments.rows_of_nodes_and_segment_ends(segments.fields_of_motion(Motion(*nodal, *ends)))
     assert np.abs(nodes[:, 1:-1]).max() > 1e-6 * scale
 
 
@@ -114,7 +114,7 @@ def test_rows_are_lagrange_equations_of_the_rope():
 
     dt = 1e-4
     want = (momentum(dt) - momentum(-dt)) / (2.0 * dt) - gradient(lambda x: lagrangian(x, v), x, 1e-5)
-    nodes, ends = segments.node_and_end_rows(fields(x, v, a))
+    nodes, ends = segments.rows_of_nodes_and_segment_ends(fields(x, v, a))
     rows = np.append(nodes.ravel(), ends.ravel())
     np.testing.assert_allclose(rows, want, rtol=0.0, atol=1e-6 * np.abs(want).max())
     assert np.abs(rows - 1.001 * want).max() > 1e-4 * np.abs(want).max()

@@ -97,7 +97,9 @@ def assemble_cable(
     add_linear_force(instant.bands, n_fields, x, r)
     if is_tangent_required(factors):
         set_linear_tangent(instant.bands, n_fields, ab, factors)
-    min_tension, min_at = add_internal_force(cable, cable.chord, instant.inputs[0], x[0], r, tangent, factors)
+    min_tension, min_at = add_internal_force_return_min_tension(
+        cable, cable.chord, instant.inputs[0], x[0], r, tangent, factors
+    )
     add_mass_coupling(instant.coupling, instant.inputs[3:], x, r, ab, factors)
     return min_tension, min_at
 
@@ -167,7 +169,7 @@ def add_mass_coupling(coupling: MassCoupling, load: Array, x: Array, r: Array, a
 
 
 @inner
-def add_internal_force(
+def add_internal_force_return_min_tension(
     cable: Cable, chord: bool | None, s_o: float, q: Array, r: Array, tangent: Tangent, factors: Factors
 ) -> MinTension:
     """Add the internal force to r, and its tangent, if it is wanted; chord : of `cable`, an argument for numba."""

@@ -135,7 +135,7 @@ def solve_collocation_step(
             workspace.kept_step[0] = step.dt
             factorisations += 1
             assemble_and_factorise_tangents(cable, rolling_car, workspace, step)
-        set_corrections(workspace, step.rule)
+        set_corrections_from_residuals(workspace, step.rule)
         before = norm
         limit = math.inf if iterations <= newton.patience else before
         fraction = 1.0
@@ -151,7 +151,7 @@ def solve_collocation_step(
         if old and not norm < before:
             subtract_scaled(-1.0, workspace.da, step.a)
             norm = set_states_and_residuals_return_norm(cable, rolling_car, workspace, step, result)
-        elif not old and cannot_converge(norm, before, iterations, newton):
+        elif not old and needs_too_many_corrections(norm, before, iterations, newton):
             break
     forget_slow_factors(workspace, norm, before, newton)
     result[0] = norm
@@ -167,7 +167,7 @@ def forget_slow_factors(workspace: Workspace, norm: float, before: float, newton
 
 
 @inner
-def cannot_converge(norm: float, before: float, iterations: int, newton: Newton) -> bool:
+def needs_too_many_corrections(norm: float, before: float, iterations: int, newton: Newton) -> bool:
     if not norm < math.inf:
         return True
     if iterations <= newton.patience:
@@ -292,7 +292,7 @@ def solve_tangent(tangent: Tangent, b: Array) -> None:
 
 
 @inner
-def set_corrections(workspace: Workspace, rule: Tableau) -> None:
+def set_corrections_from_residuals(workspace: Workspace, rule: Tableau) -> None:
     """Set `da` of a workspace to the corrections of all nodes, from `r`, which is scaled in place."""
     workspace.da[:] = 0.0
     for i in range(workspace.r.shape[0]):

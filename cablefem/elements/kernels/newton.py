@@ -92,7 +92,7 @@ def solve_newmark_step(
     r = workspace.r
     tangent = workspace.tangent
     patience = newton.patience if rolling_car is None else 0  # else another root near a support
-    predict_end_and_balance_state(step, workspace.x)
+    set_predicted_end_and_balance_states(step, workspace.x)
     factors = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
     norm = math.inf
     before = 0.0
@@ -112,7 +112,7 @@ def solve_newmark_step(
         limit = math.inf if iteration < patience else before
         fraction = 1.0
         for _ in range(newton.halvings + 1):
-            correct_end_and_balance_state(step, fraction, workspace.da, workspace.x)
+            correct_end_and_balance_states(step, fraction, workspace.da, workspace.x)
             result[4], result[5] = assemble_balance(
                 cable, rolling_car, step.instant, workspace.x, r, tangent, NO_TANGENT
             )
@@ -127,7 +127,7 @@ def solve_newmark_step(
 
 
 @inner
-def predict_end_and_balance_state(step: Step, x: Array) -> None:
+def set_predicted_end_and_balance_states(step: Step, x: Array) -> None:
     """Set the end for no unknown, and x where the step is balanced, between begin and end."""
     begin = step.begin
     end = step.end
@@ -140,7 +140,7 @@ def predict_end_and_balance_state(step: Step, x: Array) -> None:
 
 
 @inner
-def correct_end_and_balance_state(step: Step, fraction: float, da: Array, x: Array) -> None:
+def correct_end_and_balance_states(step: Step, fraction: float, da: Array, x: Array) -> None:
     """Take a fraction of da from the unknown of the end, and set x again."""
     begin = step.begin
     end = step.end

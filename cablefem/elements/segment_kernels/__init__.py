@@ -105,7 +105,7 @@ class Kernel:
         contacts.set_rows_and_loads(self._line(law, cars), 0, z, rows, loads)
         return rows, loads
 
-    def take_steps_with_factors(
+    def take_steps_while_factors_serve(
         self, law: Array, cars: CarLoadsAndMasses, slots: Any, moving: Any, prescribed: Array, steps: StepsWithFactors
     ) -> int:
         """See `newmark.MarchingSystem`.
@@ -115,4 +115,4 @@ class Kernel:
         """
         at_nodes = np.ascontiguousarray(np.moveaxis(prescribed, 0, 1))
         system = march.System(self._line(law, cars), slots, at_nodes)
-        return int(march.take_steps_with_factors(system, moving, steps))
+        return int(march.take_steps_while_factors_serve(system, moving, steps))

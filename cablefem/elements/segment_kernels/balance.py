@@ -114,7 +114,7 @@ def add_rope_rows_return_min_tension(line: Line, at: Coordinates, rows: Array) -
 
 
 @inner
-def set_slope_at_end(line: Line, q: Array, segment: int, end: int, out: Array) -> None:
+def set_slope_at_segment_end(line: Line, q: Array, segment: int, end: int, out: Array) -> None:
     """Set the first two of out to r' at the left or the right end, 0 or 1, of a segment."""
     rope = line.rope
     S = first_slot_of_s(line)
@@ -137,7 +137,7 @@ def set_slopes_and_motion_at_car(line: Line, j: int, at: Coordinates, y: Array) 
     swing = cars.swings[j]
     y[:] = 0.0
     for side in range(2):  # behind, ahead
-        set_slope_at_end(line, q, k - 1 + side, 1 - side, y[2 * side :])
+        set_slope_at_segment_end(line, q, k - 1 + side, 1 - side, y[2 * side :])
     for x in range(2):
         slot = 2 * k * (line.rope.ends.shape[1] - 1) + x
         y[4 + x] = v[slot]

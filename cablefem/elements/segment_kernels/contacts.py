@@ -17,13 +17,13 @@ from cablefem.elements.segment_kernels.balance import (
     compiled,
     first_slot_of_s,
     inner,
-    set_slope_at_end,
+    set_slope_at_segment_end,
 )
 from cablefem.newmark import Array
 
 Slots = NDArray[np.int64]
 
-counterweight_row = inner(bodies.counterweight_row)
+counterweight_balance_row = inner(bodies.counterweight_balance_row)
 wheel_forces = inner(trolley.wheel_forces)
 body_forces = inner(trolley.body_forces)
 
@@ -35,7 +35,7 @@ class Supports(NamedTuple):
     stiffness: Array
     unloaded: Array  # x or y
     weights: Slots  # of s
-    numbers: Array  # (n, 6) of `bodies.counterweight_row`
+    numbers: Array  # (n, 6) of `bodies.counterweight_balance_row`
 
 
 class Trolleys(NamedTuple):
@@ -149,7 +149,7 @@ def add_spring_and_counterweight_rows(line: Line, at: Coordinates, rows: Array) 
         rows[slot] += supports.stiffness[i] * (at.q[slot] - supports.unloaded[i])
     for i in range(supports.weights.size):
         slot = supports.weights[i]
-        rows[slot] += counterweight_row(supports.numbers[i], at.v[slot], at.a[slot])
+        rows[slot] += counterweight_balance_row(supports.numbers[i], at.v[slot], at.a[slot])
 
 
 @inner
@@ -162,7 +162,7 @@ def add_trolley_rows_and_set_loads(line: Line, i: int, j: int, at: Coordinates, 
     for wheel in range(2):
         contact = front - 1 + wheel
         for side in range(2):
-            set_slope_at_end(line, at.q, contact - 1 + side, 1 - side, y[4 * wheel + 2 * side :])
+            set_slope_at_segment_end(line, at.q, contact - 1 + side, 1 - side, y[4 * wheel + 2 * side :])
         for axis in range(2):
             y[8 + 2 * wheel + axis] = rows[trolleys.points[j, wheel, axis]]
     body = trolleys.bodies[j]

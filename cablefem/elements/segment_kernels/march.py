@@ -12,7 +12,7 @@ from cablefem.elements.kernels.banded import solve_factored_band_in_place
 from cablefem.elements.segment_kernels.balance import compiled, inner
 from cablefem.elements.segment_kernels.contacts import Line, Slots, set_dependent_coordinates, set_rows_and_loads
 from cablefem.newmark import Array
-from cablefem.newmark.compiled_collocation import take_steps
+from cablefem.newmark.compiled_collocation import march_while_factors_serve
 from cablefem.newmark.marching import StepsWithFactors
 
 if TYPE_CHECKING:
@@ -26,9 +26,9 @@ class System(NamedTuple):
 
 
 @compiled
-def take_steps_with_factors(system: System, moving: NDArray[np.bool_], steps: StepsWithFactors) -> int:
-    """See `take_steps`; moving (size,): whether a slot is one of an unknown, and of no car that sticks."""
-    return take_steps(set_residuals, solve, system, system.slots, moving, steps)
+def take_steps_while_factors_serve(system: System, moving: NDArray[np.bool_], steps: StepsWithFactors) -> int:
+    """See `march_while_factors_serve`; moving (size,): whether a slot is one of an unknown, of no car that sticks."""
+    return march_while_factors_serve(set_residuals, solve, system, system.slots, moving, steps)
 
 
 @inner

@@ -55,8 +55,8 @@ class _RestingStart(GalerkinSystem):
 def method_with_fault(method: str, fault: type[GalerkinSystem]) -> Method:
     """A method whose system is the faulty one."""
 
-    def build_faulty(groups: Groups, x: dict[str, Any], **kind: Any) -> Any:
-        return fault(groups, Fourier(x["terms"]), kink=method.endswith("kink"), **kind)
+    def build_faulty(groups: Groups, x: dict[str, Any], **model_options: Any) -> Any:
+        return fault(groups, Fourier(x["terms"]), kink=method.endswith("kink"), **model_options)
 
     return replace(METHODS[method], build=build_faulty)
 

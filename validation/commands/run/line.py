@@ -67,7 +67,7 @@ def _rope_tensions_and_clearances(line: Line, state: LineState) -> Row:
     if line.cable.breaking_load is not None:
         out["safety_factor"] = line.cable.breaking_load / out["tension_max"]
     for obstacle in line.obstacle:
-        depths, _ = catenary_line.depth_and_tension(state, np.array([obstacle.at]))
+        depths, _ = catenary_line.depth_and_tension_at_x(state, np.array([obstacle.at]))
         out[f"clearance_rope:{obstacle.name}"] = obstacle.top - float(depths[0])
     if line.ground:
         out[f"clearance_rope:{GROUND}"] = catenary_line.min_clearance(state, np.array(line.ground))
@@ -183,11 +183,11 @@ def envelope_columns(rest: LineRest) -> dict[str, Array]:
     depths = []
     tensions = []
     for state in rest.states.values():
-        depths.append(catenary_line.depth_and_tension(state, x)[0])
-        tensions += [catenary_line.depth_and_tension(state, side)[1] for side in sides]
+        depths.append(catenary_line.depth_and_tension_at_x(state, x)[0])
+        tensions += [catenary_line.depth_and_tension_at_x(state, side)[1] for side in sides]
     y = np.array(depths)  # (positions, STATIONS)
     T = np.array(tensions)  # (2 positions, STATIONS)
-    y_rest, _ = catenary_line.depth_and_tension(rest.empty, x)
+    y_rest, _ = catenary_line.depth_and_tension_at_x(rest.empty, x)
     out = {"x": x, "y_rest": y_rest, "y_highest": y.min(axis=0), "y_lowest": y.max(axis=0)}
     return out | {"tension_max": T.max(axis=0), "tension_min": T.min(axis=0)}
 
@@ -291,7 +291,7 @@ class RestAnswers(LineAnswers):
         depths = {}
         for k in some:
             i = at_rest[k]
-            depth, _ = catenary_line.depth_and_tension(self.rest.states[i], x)
+            depth, _ = catenary_line.depth_and_tension_at_x(self.rest.states[i], x)
             depths[str(i + 1)] = depth.tolist()
         return depths
 

@@ -104,7 +104,7 @@ def shortest_crossing_time(line: MovingLine, empty: LineState) -> float:
     N = float(np.nanmin(empty.station_tensions))
     speed = 0.0
     for car in line.cars_on_rope:
-        if car.drive_kind == "free":
+        if car.drive_mode_or_haul_x == "free":
             deflection = car.mass * line.gravity * span / (4.0 * N)
             thrust = max((abs(force) for _, force in car.drive.thrust_table), default=0.0)
             work = line.gravity * (fall + deflection) + thrust * span / car.mass  # over the mass
@@ -563,7 +563,7 @@ class MotionAnswers(LineAnswers):
         """Write profile.csv: over x the empty rope, and the extremes of depth over all time."""
         x = np.linspace(0.0, self.line.contact[-1].at[0], STATIONS)
         depths = rope_depths(motion_laws.rope_chain(self.motion).points, x)  # (n, STATIONS)
-        rest = catenary_line.depth_and_tension(self.empty, x)[0]
+        rest = catenary_line.depth_and_tension_at_x(self.empty, x)[0]
         columns = {"x": x, "y_rest": rest, "y_highest": depths.min(axis=0), "y_lowest": depths.max(axis=0)}
         write_csv(folder / "profile.csv", columns)
 
