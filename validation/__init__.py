@@ -78,7 +78,7 @@ def accepting_scene_names(function: Callable[Concatenate[Any, P], Result]) -> Ca
         return function
 
     @functools.wraps(function)
-    def with_name(of: Any, *args: P.args, **kwargs: P.kwargs) -> Result:
+    def load_and_call(of: Any, *args: P.args, **kwargs: P.kwargs) -> Result:
         """See the function that is wrapped."""
         from cablefem.scene import Scene
         from cablefem.scene.line import Line
@@ -94,7 +94,7 @@ def accepting_scene_names(function: Callable[Concatenate[Any, P], Result]) -> Ca
         _refuse_second_of_other_kind(of, kwargs.get("second"))
         return function(of, *args, **kwargs)
 
-    return with_name
+    return load_and_call
 
 
 def _line_counterpart(

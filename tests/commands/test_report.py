@@ -164,7 +164,7 @@ def test_two_commands_on_one_scene_may_have_pages_of_one_name(tmp_path, monkeypa
     one = [Section("answer", "The answer", "<p>1</p>")]
     monkeypatch.setattr(report, "read_stored_sections", lambda folder, command: one)
     monkeypatch.setattr(run_page, "sections", lambda folder: one)
-    report.write_report_and_finish(folder, "run")
+    report.write_report_and_mark_finished(folder, "run")
     page = (folder / "report.html").read_text()
     assert page.count('id="answer"') == page.count('id="answer-check"') == 1
     contents = page[page.index("<nav") : page.index("</nav>")]

@@ -217,7 +217,7 @@ def test_a_row_holds_the_run(tmp_path):
     assert row["mass.mass"] == 2000.0
     assert row["max_deflection"] > 1.0
     assert math.isfinite(row["mu"])
-    engine.write_rows(tmp_path, study, [row])
+    engine.write_parquet_rows(tmp_path, study, [row])
     stored = engine.read_rows(tmp_path).loc[4]
     assert stored["max_deflection"] == row["max_deflection"]
 
@@ -230,7 +230,7 @@ def test_a_row_holds_all_design_numbers_and_the_clearance_of_the_nearest_obstacl
         {"scene": scene, "method": "following-p2", "settings": {"steps": 100}, "vary": {"mass.mass": [70.0, 90.0]}}
     )
     rows = [job.row_of_point_or_failure(study, i, study.point(i)) for i in range(2)]
-    engine.write_rows(tmp_path, study, rows)
+    engine.write_parquet_rows(tmp_path, study, rows)
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
     stored = engine.read_rows(tmp_path).loc[0]
     assert stored["safety_factor_min"] == pytest.approx(90e3 / stored["tension_max"], rel=1e-12)
@@ -265,7 +265,7 @@ def test_an_axis_takes_numbers_words_and_tables_side_by_side(tmp_path):
     brakes = {"drive.brake": [[], [{"from": 280.0, "force": 600.0}]]}
     study = Study.from_table(GRID | {"vary": axes | brakes})
     rows = [{"index": i, **study.point(i), "status": "complete"} for i in range(len(study))]
-    engine.write_rows(tmp_path, study, rows)
+    engine.write_parquet_rows(tmp_path, study, rows)
     stored = engine.read_rows(tmp_path)
     assert list(stored["mass.mass"].unique()) == ["1000", "+10%"]
     assert list(stored["drive.brake"].unique()) == ["[]", '[{"from": 280.0, "force": 600.0}]']
@@ -279,18 +279,18 @@ def test_rows_of_a_version_with_fewer_results_are_read_beside_ours(tmp_path, mon
     rows = [{"index": i, **study.point(i), "status": "complete", "speed_max": 3.0} for i in range(2)]
     with monkeypatch.context() as before:
         before.setattr(job, "DESIGN", ["tension_max"])
-        engine.write_rows(tmp_path, study, rows[:1])
+        engine.write_parquet_rows(tmp_path, study, rows[:1])
     for _ in range(2):
         stored = engine.read_rows(tmp_path)
         assert stored["speed_max"].tolist() == pytest.approx([math.nan, 3.0][: len(stored)], nan_ok=True)
-        engine.write_rows(tmp_path, study, rows[1:])
+        engine.write_parquet_rows(tmp_path, study, rows[1:])
 
 
 def test_a_damaged_file_of_rows_is_named_and_other_files_beside_rows_are_left_alone(tmp_path):
     folder = tmp_path / "mu=3"  # as others name parts of Parquet
     study = study_of_count(2)
     for i in range(2):
-        engine.write_rows(folder, study, [{"index": i, **study.point(i), "status": "complete"}])
+        engine.write_parquet_rows(folder, study, [{"index": i, **study.point(i), "status": "complete"}])
     (folder / "rows" / "notes.txt").write_text("mine")
     assert engine.read_rows(folder)["mu"].tolist() == [study.point(i)["mu"] for i in range(2)]
     (folder / "rows" / "00000001-1.parquet").write_bytes(b"")
@@ -319,7 +319,7 @@ def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp
     )
     row = job.row_of_point_or_failure(study, 4, study.point(4))
     assert (row["status"], row["cause"], row["not_agreed"]) == ("incomplete", "Newton stalled", "tension")
-    engine.write_rows(tmp_path, study, [row])
+    engine.write_parquet_rows(tmp_path, study, [row])
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
     outcome = sections(tmp_path)[0].html
     assert "Newton stalled" in outcome
@@ -329,7 +329,9 @@ def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp
 def test_the_page_says_why_scenes_have_no_answer(tmp_path):
     """They were counted as complete in neither way, and their reason was in the rows alone."""
     study = Study.from_table(GRID | {"vary": {"cable.EA": [1.0, 2.0]}})
-    engine.write_rows(tmp_path, study, [job.row_of_point_or_failure(study, i, study.point(i)) for i in range(2)])
+    engine.write_parquet_rows(
+        tmp_path, study, [job.row_of_point_or_failure(study, i, study.point(i)) for i in range(2)]
+    )
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
     outcome = sections(tmp_path)[0]
     assert outcome.summary == "2 of 2 scenes, 0 complete, 2 refused, 0 without an answer"
@@ -342,7 +344,7 @@ def test_the_page_says_what_is_hit_on_the_way_and_what_does_not_agree(tmp_path):
     end = {"outcome_kind": "arrives", "outcome": "arrives at 90 m", "speed_max": 9.0}
     hit = end | {"outcome": "would hit fir; arrives at 90 m", "verdict": "disagree", "not_agreed": "tension"}
     rows = [job.row_of_point_or_failure(study, i, study.point(i)) | x for i, x in enumerate((end, hit))]
-    engine.write_rows(tmp_path, study, rows)
+    engine.write_parquet_rows(tmp_path, study, rows)
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
     scenes = sections(tmp_path)[-1].html
     assert '"values": ["arrived", "would hit; arrived"]' in scenes
@@ -352,7 +354,7 @@ def test_the_page_says_what_is_hit_on_the_way_and_what_does_not_agree(tmp_path):
 def test_the_page_of_planted_faults_counts_verdicts_by_fault(tmp_path, monkeypatch):
     monkeypatch.setattr(job, "_check_row", lambda *given: {"status": "complete", "verdict": "disagree"})
     study = Study.load("power")
-    engine.write_rows(tmp_path, study, [job.row_of_point_or_failure(study, i, study.point(i)) for i in (0, 60)])
+    engine.write_parquet_rows(tmp_path, study, [job.row_of_point_or_failure(study, i, study.point(i)) for i in (0, 60)])
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
     assert set(engine.read_rows(tmp_path)["fault"]) == {"none", "mass.mass +1 %"}
     assert "mass.mass +1 %" in sections(tmp_path)[0].html
@@ -369,7 +371,7 @@ def test_a_third_axis_of_small_values_is_cut_into_parts_by_values_of_its_scenes(
 def test_a_scene_of_a_folder_with_a_blank_has_a_command_that_can_be_given(tmp_path):
     folder = tmp_path / "two words"
     study = study_of_count(1)
-    engine.write_rows(folder, study, [job.row_of_point_or_failure(study, 0, study.point(0))])
+    engine.write_parquet_rows(folder, study, [job.row_of_point_or_failure(study, 0, study.point(0))])
     (folder / "study.toml").write_text(study.to_toml(), encoding="utf-8")
     assert f'"study": "\'{folder}/study.toml\'"' in sections(folder)[-1].html
 

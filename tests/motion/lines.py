@@ -163,5 +163,5 @@ travel = {kind = "trapezoid", top_speed = 6.0, acceleration = 3.0, deceleration 
 
 def broken_laws(line_toml, ladder):
     """Names of the laws that the runs do not keep on a line."""
-    rows = law_rows(line_toml, [ladder], ladder.finest.end)
+    rows = law_rows(line_toml, [ladder], ladder.finest.end_time)
     return {row.law.rpartition(",")[0] for row in rows if row.verdict.value == "disagree"}

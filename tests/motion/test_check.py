@@ -434,7 +434,7 @@ def test_a_thrust_that_ends_does_no_work_at_its_last_time():
     line = Line.from_toml(BODIES.replace("times = [0.0, 9.0]", "times = [0.0, 1.0]"))
     moved = LineRuns(ELEMENTS, line).run(1, 1)
     sampled = motion_laws.SampledMotion(motion_laws.LineTables(line.to_toml()), moved)
-    assert np.abs(motion_laws.momentum_defects_by_window(sampled, moved.end)).max() < 3e-4
+    assert np.abs(motion_laws.momentum_defects_by_window(sampled, moved.end_time)).max() < 3e-4
 
 
 RIDER = {
@@ -476,7 +476,7 @@ def test_a_rider_swings_and_comes_to_rest_as_on_one_span():
     )  # fmt: skip
     on_line = LineRuns(ELEMENTS, line).run(2, 1)
     on_span = cf.run(span, "following-p2", elements=16, steps=800)
-    assert on_line.end == pytest.approx(on_span.t[-1], rel=2e-3)
+    assert on_line.end_time == pytest.approx(on_span.t[-1], rel=2e-3)
     assert on_line.motion.cars[0].point[-1, 0] == pytest.approx(on_span.x[-1], abs=0.3)
 
 
@@ -506,7 +506,7 @@ def test_a_brake_lets_go_where_it_begins(wing):
     assert [name for name, _ in run.events][0::3] == ["rider brakes", "rider leaves a brake"]
     np.testing.assert_allclose(at[0::3], 130.0, atol=1e-6)
     sampled = motion_laws.SampledMotion(motion_laws.LineTables(line.to_toml()), run)
-    assert np.abs(motion_laws.energy_defects(sampled, run.end)).max() < 0.012
+    assert np.abs(motion_laws.energy_defects(sampled, run.end_time)).max() < 0.012
 
 
 def test_a_haul_force_is_within_its_bar_however_long_the_rest():

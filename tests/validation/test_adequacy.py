@@ -9,7 +9,7 @@ from markupsafe import Markup
 from cablefem import Scene, SceneError
 from validation.commands.advise import page
 from validation.commands.advise import study as adequacy
-from validation.commands.advise.study import LADDER, gaps_by_need
+from validation.commands.advise.study import LADDER, relative_gaps_by_need
 from validation.core.running import run
 from validation.core.view import View
 
@@ -47,7 +47,7 @@ def test_the_run_that_is_advised_does_what_is_said_of_it(level_advice):
     fine = run(LEVEL, "following-p2", elements=40, steps=2000, until=0.8)
     view = View.of_scene(LEVEL).cut_to_valid_range(fine)
     r = run(LEVEL, content["method"], model=content["model"], load=content["load"], until=0.8, **content["settings"])
-    found = gaps_by_need(r, fine, view)
+    found = relative_gaps_by_need(r, fine, view)
     for need, bar in content["full"]["gaps"].items():  # what is said was measured against a coarser full run
         assert found[need] == pytest.approx(content["gaps"][need], abs=bar + 1e-4)
 
@@ -107,7 +107,7 @@ def test_random_advice_is_right(seed):
     def meets(index, need):
         model, load = LADDER[index]
         r = run(scene, "fourier-kink", model=model, load=load, terms=30, steps=1500, until=view.last_needed_position)
-        return gaps_by_need(r, truth, view)[need] <= found["asked"][need]
+        return relative_gaps_by_need(r, truth, view)[need] <= found["asked"][need]
 
     for need, name in found["least"].items():
         index = NAMES.index(name)

@@ -165,10 +165,10 @@ def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says
 
 def test_the_overshoot_of_plain_sines_does_not_shrink_and_is_gone_with_the_kink():
     groups = Scene.load("inclined").groups
-    few, many = (gibbs.tension_overshoot(groups, "fourier", n)["size"] for n in (15, 60))
+    few, many = (gibbs.tension_overshoot_over_H(groups, "fourier", n)["size"] for n in (15, 60))
     assert few > 0.03
     assert 0.75 < many / few < 1.35  # 0.25 if it fell as the path's error does
-    kink = [gibbs.tension_overshoot(groups, "fourier-kink", n)["size"] for n in (15, 60)]
+    kink = [gibbs.tension_overshoot_over_H(groups, "fourier-kink", n)["size"] for n in (15, 60)]
     assert kink[0] < 0.1 * few
     assert kink[1] < 0.4 * kink[0]
 

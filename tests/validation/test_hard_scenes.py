@@ -11,7 +11,7 @@ from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import measures, recomputed
 from validation.core.design import design_numbers
-from validation.core.flags import with_energy_gain_and_flags
+from validation.core.flags import with_energy_gain_flags_and_cause
 from validation.core.methods import METHODS
 from validation.core.refine import run_with_error_bars
 from validation.core.running import Run, run
@@ -75,7 +75,7 @@ def test_the_checker_sees_a_response_that_is_not_finite_or_ends_without_a_reason
 def test_a_run_that_breaks_where_the_cable_goes_slack_has_no_energy_after_it():
     r = run(LEVEL, "following-p2", elements=4, steps=100, until=0.5)
     broken = replace(r, switched=r.reached * (1.0 + 1e-15) + 1e-15)
-    assert with_energy_gain_and_flags(broken, LEVEL, METHODS["following-p2"]).flag_kinds == r.flag_kinds
+    assert with_energy_gain_flags_and_cause(broken, LEVEL, METHODS["following-p2"]).flag_kinds == r.flag_kinds
 
 
 def test_a_bar_that_is_too_small_is_seen():

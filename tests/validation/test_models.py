@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation.commands.advise.study import LADDER, gaps_by_need
+from validation.commands.advise.study import LADDER, relative_gaps_by_need
 from validation.core import measures
 from validation.core.running import run
 from validation.core.view import View
@@ -51,5 +51,5 @@ def test_a_run_that_stops_short_has_no_distance():
     far = run_full_model(LEVEL, elements=6, steps=200)
     short = run(LEVEL, "following-p2", model="string", elements=6, steps=200, until=0.4)
     view = View.of_scene(LEVEL)
-    assert set(gaps_by_need(short, far, view).values()) == {np.inf}
-    assert max(gaps_by_need(short, far, replace(view, window=(0.02, 0.39))).values()) < np.inf
+    assert set(relative_gaps_by_need(short, far, view).values()) == {np.inf}
+    assert max(relative_gaps_by_need(short, far, replace(view, window=(0.02, 0.39))).values()) < np.inf

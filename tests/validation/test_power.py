@@ -4,7 +4,7 @@ from cablefem import Scene
 from validation import check
 from validation.commands.check.sensitivity import (
     detectable_changes_sentence,
-    detectable_input_changes,
+    detectable_relative_changes,
 )
 from validation.commands.sweep.families import SOUND, scene_and_fault_key
 from validation.page.scene_keys import dotted_keys_and_values
@@ -16,7 +16,7 @@ def test_a_fault_of_one_percent_is_seen_and_as_small_a_one_as_is_said():
     """The second solver is told another mass: beyond what the sound check says it would notice it disagrees."""
     sound = check(INCLINED, tol=0.1, second=INCLINED)
     assert sound.verdict.value == "agree"
-    found = detectable_input_changes(sound)
+    found = detectable_relative_changes(sound)
     assert {"mass.mass", "cable.EA", "supports.span"} <= set(found)
     assert 0.0 < found["mass.mass"] < 0.05
     assert "mass.mass" in detectable_changes_sentence(found)

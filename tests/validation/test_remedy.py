@@ -126,7 +126,9 @@ def test_the_headline_speaks_of_our_solvers_and_a_wrong_file_for_itself(tmp_path
     check = study.Check(level_case.scene, a, b, 1e-2, level_case.window, [])
     ours = compare(level_case.scene, a, b, tol=1e-2, tol_tension=0.5)
     wrong = ForeignPath.of(level_case.scene, level_case.other.s_o, 1.3 * level_case.other.v, name="other.csv")
-    check = study.with_third_party(replace(check, rows=[row for row in ours if row.verdict is Verdict.AGREE]), wrong)
+    check = study.with_third_party_rows(
+        replace(check, rows=[row for row in ours if row.verdict is Verdict.AGREE]), wrong
+    )
     assert check.verdict is Verdict.DISAGREE
     words.print_check(check)
     text = capsys.readouterr().out

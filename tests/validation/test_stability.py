@@ -23,7 +23,7 @@ from validation.core.flags import MAX_GAIN
 from validation.core.methods import METHODS
 from validation.core.refine import run_with_error_bars
 from validation.core.running import run
-from validation.core.trust import convergence_limit, max_path_gap_past_slack
+from validation.core.trust import convergence_limit, max_relative_path_gap_past_slack
 from validation.core.view import View
 from validation.page.page import write_page
 
@@ -52,11 +52,11 @@ def test_level_reaches_the_far_support_and_finds_the_onset(case):
 
 def test_paths_agree_after_the_onset_and_one_that_is_off_there_is_seen():
     runs = [level_run(*case) for case in FAR]
-    assert max(max_path_gap_past_slack(a, b, 0.95) for a, b in combinations(runs, 2)) < 0.02
+    assert max(max_relative_path_gap_past_slack(a, b, 0.95) for a, b in combinations(runs, 2)) < 0.02
     a, b = runs[:2]
     shifted = replace(b, v=b.v + 0.05 * b.max_deflection * (b.s_o > 0.9 * b.length))
-    assert max_path_gap_past_slack(a, shifted, 0.95) > 0.04
-    assert math.isnan(max_path_gap_past_slack(*[replace(a, slack_onset=None)] * 2, 0.95))
+    assert max_relative_path_gap_past_slack(a, shifted, 0.95) > 0.04
+    assert math.isnan(max_relative_path_gap_past_slack(*[replace(a, slack_onset=None)] * 2, 0.95))
 
 
 @pytest.mark.parametrize("scheme", ["trapezoidal", "newmark", "generalized-alpha"])

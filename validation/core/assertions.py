@@ -145,7 +145,7 @@ def _compare_lines_in_motion(a: LineAnswer, b: LineAnswer, allowed: AllowedGaps,
 def _step_times_of_coarser_run(a: LineRun, b: LineRun, window: Window) -> Array:
     """Steps (n,) [s] of the coarser of two runs of one line in a window; NotComparable for fewer than 5."""
     steps = np.unique(min(a.motion.t, b.motion.t, key=len))
-    end = min(window[1], a.end, b.end)
+    end = min(window[1], a.end_time, b.end_time)
     t = steps[(steps >= window[0]) & (steps <= end)]
     if t.size < 5:
         raise NotComparable(f"{t.size} steps from {window[0]:g} to {end:g} s, 5 are needed")
@@ -214,7 +214,7 @@ def _path_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agr
         if isinstance(r, Response) and r.path_error is not None:
             why.append(f"error bar of {r.method} {r.path_error:.2g}")
     bound = Bound("asked for", (BoundPart("path", allowed),), "; ".join(why))
-    return Agreement("path_max", gap.largest, bound, gap.position)
+    return Agreement("path_max", gap.largest, bound, gap.position_of_largest)
 
 
 def _tension_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
@@ -228,7 +228,7 @@ def _tension_gap_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> 
             if r.T_behind is None:
                 raise NotComparable(f"{r.method} brought no tension")
         H = next(r.horizontal_tension for r in (b, a) if isinstance(r, Response))
-        gap = foreign.mass_tension_rms_gap(a, b, window, H)
+        gap = foreign.rms_mass_tension_gap_over_H(a, b, window, H)
         worst = None
         why = "rms at the mass, both sides, relative to H"
     return Agreement("tension", gap, Bound("asked for", (BoundPart("tension", allowed),), why), worst)

@@ -337,7 +337,7 @@ def _bar_of_extreme(signal: Signal, extreme: _Extreme, period: float, ladder: La
     if extreme.step > 0.0:
         count = 9  # times at which two runs are compared
         times = extreme.t + np.linspace(-1.0, 1.0, count) * max(period, extreme.step)
-        values = partial(signal.values_at, extreme.track, np.clip(times, *signal.time_span))
+        values = partial(signal.averaged_values_at, extreme.track, np.clip(times, *signal.time_span))
         bar = max(bar, ladder.bar(values, max_distance, order))
     return bar + extreme.between
 
@@ -447,7 +447,7 @@ class Signal(NamedTuple):
         extreme = self.extreme(r)
         return math.nan if extreme is None else extreme.value
 
-    def values_at(self, track: int, times: Array, r: Response) -> Array:
+    def averaged_values_at(self, track: int, times: Array, r: Response) -> Array:
         """Values (n,) of a track by its index at times; nan of a run that ends before."""
         t, value, _ = self.averaged_samples(self.tracks(r)[track])
         needed = min(times[-1], r.t[-1]) - np.ptp(times)

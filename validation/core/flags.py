@@ -28,7 +28,7 @@ def with_flag(r: Response, kind: str, **numbers: float | str) -> Response:
     return replace(r, flags=[*r.flags, make_flag(kind, **numbers)])
 
 
-def with_energy_gain_and_flags(r: Response, scene: Scene, method: Method) -> Response:
+def with_energy_gain_flags_and_cause(r: Response, scene: Scene, method: Method) -> Response:
     """The response with its energy gain before slack, and its flags; both are computed when they are looked at."""
     r = r.with_lazy_fields(
         energy_gain=partial(_energy_gain_while_taut, scene), flags=partial(_error_flags, scene, method)

@@ -360,7 +360,7 @@ def _window_cut_to_path(path: MassPath, window: Window) -> Window:
     return start, stop
 
 
-def mass_tension_rms_gap(a: Any, b: Any, window: Window, H: float) -> float:
+def rms_mass_tension_gap_over_H(a: Any, b: Any, window: Window, H: float) -> float:
     """Rms gap of both tensions at the mass over the window, over H."""
 
     def tensions_over_H(r: Any) -> Array:
@@ -386,7 +386,7 @@ def third_party_rows(
     run = ladder.finest
     try:
         part = _window_cut_to_path(path, window)
-        where = measures.relative_path_gap(path, run, part).position
+        where = measures.relative_path_gap(path, run, part).position_of_largest
     except NotComparable as reason:
         yield Agreement("path_max", math.nan, no_bound(f"{other}: {reason}"), third_party=other)
         return
@@ -420,7 +420,7 @@ def _distance_functions(path: ForeignPath | Response, run: Response, part: Windo
     if run.drive == "free" and path.speed is not None:
         distances["speed"] = lambda a, b: measures.series_gap(a, b, part, relative_speed, largest=True)
     if path.T_behind is not None and path.T_ahead is not None:
-        distances["tension"] = lambda a, b: mass_tension_rms_gap(a, b, part, run.horizontal_tension)
+        distances["tension"] = lambda a, b: rms_mass_tension_gap_over_H(a, b, part, run.horizontal_tension)
     return distances
 
 

@@ -361,7 +361,7 @@ def drive_and_event_defect(evidence: Evidence) -> Defect:
     """Start, brakes, arrival and thrust are those of the TOML; over length, time, top speed, thrust."""
     r = evidence.r
     l = r.fields.s[-1]
-    off = [(r.s_o[0] - evidence.timetable.start_position) / l, *_event_gaps(evidence)]
+    off = [(r.s_o[0] - evidence.timetable.start_position) / l, *_relative_event_gaps(evidence)]
     times, forces = thrust_times_and_forces(evidence.data.drive)
     if r.drive == "free" and forces.any():
         smooth = np.abs(r.t[:, None] - times).min(axis=1) > 1e-6 * r.t[-1]
@@ -370,7 +370,7 @@ def drive_and_event_defect(evidence: Evidence) -> Defect:
     return _defect_without_position(float(np.abs(off).max()))
 
 
-def _event_gaps(evidence: Evidence) -> list[float]:
+def _relative_event_gaps(evidence: Evidence) -> list[float]:
     """Gaps of events in position and speed to the run, and to the TOML; over length, top speed and duration."""
     r = evidence.r
     drive = evidence.data.drive
@@ -381,7 +381,7 @@ def _event_gaps(evidence: Evidence) -> list[float]:
     # [m] one of which is that of the event
     positions = {"arrival": [table.arrival_position], "back": [0.5 * min(table.start_position, 0.01 * l)]}
     positions["brake"] = [brake["from"] for brake in drive.get("brake", [])]
-    gaps = _gaps_of_passed_events(evidence)
+    gaps = _missing_or_extra_event_counts(evidence)
     for event in r.events:
         kind = event["event"]
         t = event["t"]
@@ -400,10 +400,10 @@ def _event_gaps(evidence: Evidence) -> list[float]:
     return gaps
 
 
-def _gaps_of_passed_events(evidence: Evidence) -> list[float]:
+def _missing_or_extra_event_counts(evidence: Evidence) -> list[float]:
     """How many events of each kind the run lacks, or has too many, by its path and the TOML.
 
-    Brakes that begin at one place count once, each time the car rolls on to them. Of turns see `_turn_gaps`.
+    Brakes that begin at one place count once, each time the car rolls on to them. Of turns see `_relative_turn_gaps`.
     """
     r = evidence.r
     drive = evidence.data.drive
@@ -418,14 +418,14 @@ def _gaps_of_passed_events(evidence: Evidence) -> list[float]:
         sides = np.sign(beyond[np.abs(beyond) > near])
         expected["brake"] += int(np.count_nonzero(np.diff(sides) > 0.0))
     events = [event["event"] for event in r.events]
-    return [abs(events.count(kind) - count) for kind, count in expected.items()] + _turn_gaps(r)
+    return [abs(events.count(kind) - count) for kind, count in expected.items()] + _relative_turn_gaps(r)
 
 
 def _is_during(r: Response, t: float) -> int:
     return int(0.0 < t <= r.t[-1])
 
 
-def _turn_gaps(r: Response) -> list[float]:
+def _relative_turn_gaps(r: Response) -> list[float]:
     """Distances over the length by which a car goes back between two turns, or on after one."""
     s = r.s_o / r.length
     turns = [int(np.argmin(np.abs(r.t - event["t"]))) for event in r.events if event["event"] == "turn"]

@@ -23,7 +23,7 @@ Window = tuple[float, float]
 Series = Callable[[Response], Array]  # (n,) or (n, c) of a run's steps
 
 
-class PathGap(NamedTuple):
+class RelativePathGap(NamedTuple):
     """At steps (n,): time [s], s_o/l, and the distance of two paths over the scale of the second."""
 
     t: Array
@@ -40,8 +40,8 @@ class PathGap(NamedTuple):
         return float(np.sqrt(_time_mean(self.t, self.distances**2)))
 
     @property
-    def position(self) -> float:
-        """s_o/l of the largest."""
+    def position_of_largest(self) -> float:
+        """s_o/l."""
         return float(self.positions[self.distances.argmax()])
 
 
@@ -136,7 +136,7 @@ def steps_in_window(r: MassPath, window: Window) -> NDArray[np.bool_]:
     return (position >= window[0]) & (position <= window[1] * (1.0 + 1e-12))
 
 
-def relative_path_gap(a: MassPath, b: MassPath, window: Window) -> PathGap:
+def relative_path_gap(a: MassPath, b: MassPath, window: Window) -> RelativePathGap:
     """Distances of the paths over b's `path_scale`, at the steps in the window of the run with fewer.
 
     Displacements are compared; of a free ride the points x, y.  Raises NotComparable where there are few steps.
@@ -153,7 +153,7 @@ def relative_path_gap(a: MassPath, b: MassPath, window: Window) -> PathGap:
     gap = first - _piecewise_spline(fine.t, second, (), np.clip(coarse.t, fine.t[0], fine.t[-1]))
     dx, dy = gap[within].T / b.path_scale
     position = coarse.s_o[within] / coarse.length
-    return PathGap(coarse.t[within], position, np.hypot(dx, dy))
+    return RelativePathGap(coarse.t[within], position, np.hypot(dx, dy))
 
 
 def _time_mean(t: Array, values: Array) -> float:

@@ -193,11 +193,11 @@ class TimeWindows(NamedTuple):
     W2: Array
 
     @classmethod
-    def over(cls, t: Array, end: float) -> TimeWindows:
-        """Windows that are spread over the times t (n,) up to `end`."""
+    def over(cls, t: Array, end_time: float) -> TimeWindows:
+        """Windows that are spread over the times t (n,) up to `end_time`."""
         share = 0.25  # length of a window over the run's
-        length = share * end
-        begins = np.linspace(0.0, end - length, WINDOWS)[:, None]
+        length = share * end_time
+        begins = np.linspace(0.0, end_time - length, WINDOWS)[:, None]
         k = 2.0 * math.pi / length
         x = np.clip(k * (t - begins), 0.0, 2.0 * math.pi)  # (WINDOWS, n)
         cos = np.cos(x)
@@ -231,7 +231,7 @@ def energy_defect_over_all_work(t: Array, energy: Array, kinetic: Array, powers:
 # --- laws -------------------------------------------------------------------------------------------------------------
 
 
-def momentum_defects_by_window(x: SampledMotion, end: float) -> Array:
+def momentum_defects_by_window(x: SampledMotion, end_time: float) -> Array:
     """Defects (WINDOWS, 2) of the momentum of rope and cars in x and y, over the largest tension."""
     line = x.line
     force = line.q * x.rope_length[:, None] * DOWN  # (n, 2)
@@ -246,17 +246,17 @@ def momentum_defects_by_window(x: SampledMotion, end: float) -> Array:
     entering = line.rho * (at_ends[-1] - at_ends[0])
     touching = [*x.contacts, *x.cars]
     largest = max(float(np.max(x.at_samples(mean_tension(body)))) for body in touching)
-    windows = TimeWindows.over(x.t, end)
+    windows = TimeWindows.over(x.t, end_time)
     moment = line.rho * (x.rope_moment - x.rope_moment[0])
     change = windows.W2 @ moment + windows.W1 @ (entering - momentum)
     change -= line.damping_rate * (windows.W1 @ moment + windows.W @ entering)
     return (change - windows.W @ force) / (largest * windows.durations[:, None])
 
 
-def counterweight_defects_by_window(x: SampledMotion, end: float) -> Array:
+def counterweight_defects_by_window(x: SampledMotion, end_time: float) -> Array:
     """Defects (counterweights, WINDOWS) of their motion, over their forces."""
     line = x.line
-    windows = TimeWindows.over(x.t, end)
+    windows = TimeWindows.over(x.t, end_time)
     defects = []
     for outward, k, table in line.counterweights:
         G = table["tension"]
@@ -267,7 +267,7 @@ def counterweight_defects_by_window(x: SampledMotion, end: float) -> Array:
     return np.array(defects)
 
 
-def energy_defects(x: SampledMotion, end: float) -> Array:
+def energy_defects(x: SampledMotion, end_time: float) -> Array:
     """Energy less work since the start (n,), see `energy_defect_over_all_work`."""
     line = x.line
     kinetic = x.kinetic + sum(body.kinetic_energy for body in x.bodies)
@@ -290,9 +290,9 @@ def energy_defects(x: SampledMotion, end: float) -> Array:
     return energy_defect_over_all_work(x.t, energy, kinetic, powers)
 
 
-def body_moment_defects_by_window(x: SampledMotion, end: float) -> Array:
+def body_moment_defects_by_window(x: SampledMotion, end_time: float) -> Array:
     """Defects (bodies, WINDOWS) of the moment of momentum of cabins and two-wheel cars, over their weight and size."""
-    windows = TimeWindows.over(x.t, end)
+    windows = TimeWindows.over(x.t, end_time)
     defects = []
     for body in x.turning_bodies:
         moment, momentum = body.moment_and_angular_momentum()
@@ -301,9 +301,9 @@ def body_moment_defects_by_window(x: SampledMotion, end: float) -> Array:
     return np.array(defects)
 
 
-def turning_body_force_defects_by_window(x: SampledMotion, end: float) -> Array:
+def turning_body_force_defects_by_window(x: SampledMotion, end_time: float) -> Array:
     """Defects (contacts, WINDOWS) of the forces of cabins and wheels on the rope, by its kinks, over weight."""
-    windows = TimeWindows.over(x.t, end)
+    windows = TimeWindows.over(x.t, end_time)
     defects = []
     for body in x.turning_bodies:
         for touching in body.touching:
@@ -312,7 +312,7 @@ def turning_body_force_defects_by_window(x: SampledMotion, end: float) -> Array:
     return np.array(defects)
 
 
-def centre_of_mass_defects(x: SampledMotion, end: float) -> Array:
+def centre_of_mass_defects(x: SampledMotion, end_time: float) -> Array:
     """Distances beyond rounding of centres of mass from where contacts and angles put them, over the body's size."""
     distances = []
     for body in x.turning_bodies:
@@ -321,12 +321,12 @@ def centre_of_mass_defects(x: SampledMotion, end: float) -> Array:
     return np.maximum(np.array(distances) - ROUNDING, 0.0)
 
 
-def holding_force_excesses_by_window(x: SampledMotion, end: float) -> Array:
+def holding_force_excesses_by_window(x: SampledMotion, end_time: float) -> Array:
     """Means (cars, WINDOWS) of forces that hold standing cars, beyond friction and brakes, over the weight.
 
     By the rope's tensions: waves pass the limit for moments; the mean of a car that stays does not.
     """
-    windows = TimeWindows.over(x.t, end)
+    windows = TimeWindows.over(x.t, end_time)
     excesses = []
     for body in x.bodies:
         needed = np.abs(windows.W @ (body.held_by_friction * body.touching[-1].along))
@@ -335,7 +335,7 @@ def holding_force_excesses_by_window(x: SampledMotion, end: float) -> Array:
     return np.maximum(excesses, 0.0)
 
 
-def timetable_defects(x: SampledMotion, end: float) -> Array:
+def timetable_defects(x: SampledMotion, end_time: float) -> Array:
     """Largest distance (1,) of a car from the timetable of the TOML, over the way that it goes."""
     line = x.line
     t = x.t
@@ -360,7 +360,7 @@ def timetable_defects(x: SampledMotion, end: float) -> Array:
     return np.array([max(max(defects) - ROUNDING, 0.0)])
 
 
-def event_place_defects(x: SampledMotion, end: float) -> Array:
+def event_place_defects(x: SampledMotion, end_time: float) -> Array:
     """Largest distance (1,) of cars at events of brakes and shoes from where the TOML has these, over the rope.
 
     1 if a brake acts at the end, or does not, against the place of its car.  Events are at steps: all of them count.

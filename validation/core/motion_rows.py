@@ -57,7 +57,7 @@ class LineRun:
     seconds: float  # [s] of processor time that these took
 
     @property
-    def end(self) -> float:
+    def end_time(self) -> float:
         """Its last time [s]."""
         return float(self.motion.t[-1])
 
@@ -69,13 +69,13 @@ class LineRun:
         """
         met = re.fullmatch("(.+) (?:reaches|meets) (.+)", self.events[-1][0]) if self.events else None
         if met is None:
-            return self.end
+            return self.end_time
         a, b = (find_body(self, name).s for name in met.groups())
         contacts = np.array([contact.s[-1] for contact in self.motion.contacts])
         low, high = sorted([a[-1], b[-1]])
         span = contacts[contacts >= high].min() - contacts[contacts <= low].max()
         apart = np.flatnonzero(np.abs(a - b) >= 0.01 * span)
-        return float(self.motion.t[apart[-1]]) if apart.size else self.end
+        return float(self.motion.t[apart[-1]]) if apart.size else self.end_time
 
     @cached_property
     def with_every_second_station(self) -> LineRun:
@@ -85,14 +85,14 @@ class LineRun:
         tension = motion.tension[:, ::2]
         return replace(self, motion=replace(motion, s=motion.s[::2], points=points, tension=tension))
 
-    def at_common_instants(self, values: Array, end: float) -> Array:
-        """Values (n, ...) at the common instants up to `end`; at a jump those before it."""
-        rows = np.searchsorted(self.motion.t, self.common_instants_until(end) - 1e-9 * self.instants[-1])
+    def at_common_instants(self, values: Array, end_time: float) -> Array:
+        """Values (n, ...) at the common instants up to `end_time`; at a jump those before it."""
+        rows = np.searchsorted(self.motion.t, self.common_instants_until(end_time) - 1e-9 * self.instants[-1])
         return values[np.minimum(rows, self.motion.t.size - 1)]
 
-    def common_instants_until(self, end: float) -> Array:
-        """The common instants up to `end` [s]."""
-        return self.instants[self.instants <= end * (1.0 + 1e-12)]
+    def common_instants_until(self, end_time: float) -> Array:
+        """The common instants up to `end_time` [s]."""
+        return self.instants[self.instants <= end_time * (1.0 + 1e-12)]
 
     def mean_over_axial_round_trip(self, values: Array, passes: int = 1) -> Array:
         """Means (n, ...) of values (n, ...) over an axial round trip around each step; two passes: means of means."""
@@ -178,14 +178,14 @@ class LineComparison:
         self.tolerance = tolerance
         self.path = Norm(scales.path, tolerance.path)
         self.tension = Norm(scales.tension, tolerance.tension)
-        self.end = min(run.comparable_until for ladder in (a, b) for run in ladder.runs)
+        self.compared_until = min(run.comparable_until for ladder in (a, b) for run in ladder.runs)
 
     def rows(self) -> Iterator[Agreement]:
         """All rows, or one that says that a run ends too early."""
         first = self.a.finest
         min_instants = 3
-        if np.count_nonzero(first.instants <= self.end) < min_instants:
-            bound = no_bound(f"runs are comparable until {self.end:.4g} s alone")
+        if np.count_nonzero(first.instants <= self.compared_until) < min_instants:
+            bound = no_bound(f"runs are comparable until {self.compared_until:.4g} s alone")
             yield Agreement("path_max", math.nan, bound, required=self.tolerance.path)
             return
         for car in first.motion.cars:
@@ -194,7 +194,7 @@ class LineComparison:
             yield from self._contact_rows(contact)
         yield from self._rope_shape_and_tension_rows()
         for ladder in (self.a, self.b):
-            yield law_row(ladder, "energy", "work of all powers", relative_unbalanced_work, self.end)
+            yield law_row(ladder, "energy", "work of all powers", relative_unbalanced_work, self.compared_until)
         yield from self._event_rows()
 
     def _series_row(
@@ -207,7 +207,7 @@ class LineComparison:
 
         def values_at_instants(moved: Any) -> Array:
             means = moved.mean_over_axial_round_trip(series(moved), passes)
-            return moved.at_common_instants(means, self.end)
+            return moved.at_common_instants(means, self.compared_until)
 
         def size(x: Any) -> float:
             x = np.atleast_1d(x)
@@ -221,7 +221,7 @@ class LineComparison:
         # of the largest change, as a path's: at single instants a phase that shifts hides the order
         parts = [ladder.bars_in_space_and_time(values_at_instants, gap_size) for ladder in (self.a, self.b)]
         row = row_with_error_bars(quantity, size(gap), (self.a, self.b), parts, norm.required)
-        when = a.common_instants_until(self.end)[int(np.argmax(gap))]
+        when = a.common_instants_until(self.compared_until)[int(np.argmax(gap))]
         return replace(row, law=law, where=None if rms else f"t = {when:.4g} s")
 
     def _car_rows(self, car: CarMotion) -> Iterator[Agreement]:
@@ -295,11 +295,11 @@ class LineComparison:
         parts = [ladder.yes_no_bars_in_space_and_time(event_names) for ladder in ladders]
         gap = 1.0
         if event_names(a) == event_names(b):
-            gap = max_distance(event_times(a), event_times(b)) / self.end
+            gap = max_distance(event_times(a), event_times(b)) / self.compared_until
             if a.events and not np.any(parts):
                 # a car comes loose where waves of its friction are, whose fronts converge to first order
                 parts = [
-                    ladder.bars_in_space_and_time(lambda run: event_times(run) / self.end, order=FIRST)
+                    ladder.bars_in_space_and_time(lambda run: event_times(run) / self.compared_until, order=FIRST)
                     for ladder in ladders
                 ]
         yield row_with_error_bars("events", gap, ladders, parts, self.tolerance.path)
@@ -321,10 +321,10 @@ def relative_unbalanced_work(moved: LineRun, every: int = 1) -> Array:
     return energy_defect_over_all_work(motion.t[steps], motion.energy[steps], motion.kinetic[steps], powers)
 
 
-def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., Array], end: float) -> Agreement:
+def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., Array], end_time: float) -> Agreement:
     """A defect (k,) that is exactly zero; its bar is that of the ladder and those of its sampling, of first order.
 
-    defect : of a run, and of every n-th step of it for n = 2;  end : [s] of what counts of a defect over time.
+    defect : of a run, and of every n-th step of it for n = 2;  end_time : [s] of what counts of a defect over time.
     """
     t = ladder.finest.motion.t
     of_all = defect(ladder.finest)
@@ -334,12 +334,12 @@ def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., A
     over_time = of_all.size == t.size  # else over windows or bodies
     if over_time:
         steps = every_nth_step(t, 2)
-        all_at_steps, of_steps = (values[t[steps] <= end] for values in (of_all[steps], of_steps))
-        of_all, of_stations = (values[t <= end] for values in (of_all, of_stations))
+        all_at_steps, of_steps = (values[t[steps] <= end_time] for values in (of_all[steps], of_steps))
+        of_all, of_stations = (values[t <= end_time] for values in (of_all, of_stations))
 
     def comparable_defect(moved: LineRun) -> Array:
         values = defect(moved)
-        return moved.at_common_instants(values, end) if over_time else values
+        return moved.at_common_instants(values, end_time) if over_time else values
 
     space, time = ladder.bars_in_space_and_time(comparable_defect)
     sampling = max_distance(all_at_steps, of_steps) + max_distance(of_all, of_stations)

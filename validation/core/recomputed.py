@@ -253,7 +253,7 @@ def _signals_by_kind(r: Response, data: OneSpanData) -> dict[str, Signals]:
 
 def _signals_at_car(r: Response, data: OneSpanData) -> dict[str, Array]:
     """Signals (n,) of the car at steps, and the tilt of the wind."""
-    tilt = math.degrees(math.atan(data.crosswind_force() / (data.rho * data.gravity)))
+    tilt = math.degrees(math.atan(data.crosswind_force_per_length() / (data.rho * data.gravity)))
     driving = "thrust" if r.drive == "free" else "haul_force"
     speed = _speed(r)
     signals = {"wind_tilt": np.full(r.t.shape, tilt), "contact": _contact_force(r), "speed": speed}

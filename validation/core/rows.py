@@ -199,7 +199,7 @@ def worse_law_rows(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> 
     rows: list[Agreement] = []
     for ladder in ladders:
         rows += laws.law_rows_in_si(ladder, view.window, view.until, tolerance)
-    return list(_worse_row_of_each_kind(rows))
+    return list(_worse_row_of_each_quantity(rows))
 
 
 def worst_force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
@@ -240,7 +240,7 @@ def _quantity_row(quantity: Quantity, a: Ladder, b: Ladder, view: View, required
         return Agreement(quantity.name, math.nan, no_bound(why), law=quantity.law)
     where = None
     if quantity.name == "path_max":
-        where = measures.relative_path_gap(a.finest, b.finest, view.window).position
+        where = measures.relative_path_gap(a.finest, b.finest, view.window).position_of_largest
     return replace(row, law=quantity.law, decides=bool(quantity.tolerance_kind), where=where)
 
 
@@ -438,10 +438,10 @@ def worse_recomputed_rows(scene: Scene, a: Response, b: Response) -> Iterator[Ag
     rows: list[Agreement] = []
     for r, counterpart in ((a, b), (b, a)):
         rows += recomputed.recomputed_rows(r, counterpart, outcome_of_run(scene, r))
-    return _worse_row_of_each_kind(rows)
+    return _worse_row_of_each_quantity(rows)
 
 
-def _worse_row_of_each_kind(rows: Iterable[Agreement]) -> Iterator[Agreement]:
+def _worse_row_of_each_quantity(rows: Iterable[Agreement]) -> Iterator[Agreement]:
     """The one with the worse verdict, else the one nearer its bound."""
     worst: dict[tuple[str, str], Agreement] = {}
     for row in rows:

@@ -24,7 +24,7 @@ from cablefem.newmark import (
 )
 from cablefem.response import Array, Response
 from cablefem.scene import Groups, Scene
-from validation.core.flags import with_energy_gain_and_flags
+from validation.core.flags import with_energy_gain_flags_and_cause
 from validation.core.methods import Method, find_method
 from validation.core.sampling import FRAMES, History, Onset, limited_to_one_blas_thread, response_of_history
 from validation.core.sidebyside import Progress, no_progress
@@ -101,7 +101,7 @@ class Run:
         if self._latest is None or self._latest[0] != now:
             options = {"method": self.method.name, "settings": self.settings, **self.run_options}
             response = response_of_history(self.scene, self.history, frames=self.frames, **options)
-            self._latest = now, with_energy_gain_and_flags(response, self.scene, self.method)
+            self._latest = now, with_energy_gain_flags_and_cause(response, self.scene, self.method)
         return self._latest[1]
 
     def march_until_end_or_failure(self, until: float | None, progress: Progress = no_progress) -> None:
@@ -118,7 +118,7 @@ class Run:
                 with limited_to_one_blas_thread():
                     self._march_with_law_switch(until or math.inf, progress)
         except StepFailure as error:
-            h.failure = _failure_kind_and_reason(error, h.onset is not None, h.after is not None)
+            h.failure = _failure_cause_and_reason(error, h.onset is not None, h.after is not None)
             if not h.states:  # only the hanging cable
                 rest = np.zeros(h.solver.n_dof)
                 h.states.append(State(h.solver.phases[0][0], rest, rest, rest))
@@ -219,7 +219,7 @@ def _fraction_of_duration(solver: Solver, t: float) -> float:
     return (t - begin) / (solver.phases[-1][1] - begin)
 
 
-def _failure_kind_and_reason(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:
+def _failure_cause_and_reason(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:
     """The kind of a failure, and its reason in words."""
     kinds = {StepUnderflow: "step underflow", EndlessEvents: "endless events", NewtonStalled: "Newton stalled"}
     kind = next((kind for cause, kind in kinds.items() if isinstance(error, cause)), "no start")

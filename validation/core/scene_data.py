@@ -189,7 +189,7 @@ class OneSpanData:
         c_D = self.wind.get("drag_coefficient", 1.2)
         return 0.5 * air * c_D * d
 
-    def crosswind_force(self) -> float:
+    def crosswind_force_per_length(self) -> float:
         """Of the wind's mean speed, per length [N/m]."""
         return self._crosswind_drag_factor() * self.wind["across"] ** 2 if self.wind else 0.0
 

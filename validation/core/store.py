@@ -37,14 +37,14 @@ def study_folder_name(name: str, quick: bool) -> str:
 _held: dict[Path, int] = {}  # descriptors of locked folders
 
 
-def _close_in_fork() -> None:
+def _close_lock_files_in_fork() -> None:
     """A fork that outlives this process must not hold its folders."""
     for descriptor in _held.values():
         os.close(descriptor)
     _held.clear()
 
 
-os.register_at_fork(after_in_child=_close_in_fork)
+os.register_at_fork(after_in_child=_close_lock_files_in_fork)
 
 
 def _lock_folder(folder: Path) -> None:
@@ -98,7 +98,8 @@ def claim_and_clear_folder(out: Path | None, command: str, scene: Any, writes: S
         before = results.pop(command, {"writes": [], "files": []})  # the latest command stands last
         results[command] = {
             "scene": text, "writes": sorted({*before["writes"], *writes}), "files": before["files"],
-            "foreign": sorted(set(_files_below(folder, writes)) - set(before["files"])), "finished": False,
+            "foreign": sorted(set(_relative_paths_of_files_below(folder, writes)) - set(before["files"])),
+            "finished": False,
         }  # fmt: skip
         _write_marker(folder, {"results": results, "scene": text})
         claimed = True
@@ -133,7 +134,7 @@ def _delete_files_of_result(folder: Path, command: str, result: dict[str, Any]) 
                 part.rmdir()
 
 
-def _files_below(folder: Path, names: Sequence[str]) -> list[str]:
+def _relative_paths_of_files_below(folder: Path, names: Sequence[str]) -> list[str]:
     """Paths in the folder of files with these names, and of all files in folders with them."""
     found: list[Path] = []
     for name in names:
@@ -145,7 +146,7 @@ def mark_finished_with_files(folder: Path, command: str) -> None:
     """Note in the folder's marker which files a command wrote; those there before it are not ours."""
     if marker := _read_marker(folder):
         result = marker["results"][command]
-        result["files"] = sorted(set(_files_below(folder, result["writes"])) - set(result["foreign"]))
+        result["files"] = sorted(set(_relative_paths_of_files_below(folder, result["writes"])) - set(result["foreign"]))
         result["finished"] = True
         _write_marker(folder, marker)
 
@@ -214,7 +215,7 @@ def compute_and_store_missing(
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("a", encoding="utf-8") as out:
 
-        def keep(i: int, item: Any) -> None:
+        def append_result(i: int, item: Any) -> None:
             """Append a result to the file."""
             done[missing[i]] = item
             # a line cut off must not swallow this one
@@ -222,7 +223,7 @@ def compute_and_store_missing(
             out.flush()
             report(sum(key in done for key in jobs) / len(jobs))
 
-        map_in_parallel(lambda key: nulls_for_nonfinite(work(jobs[key])), missing, keep)
+        map_in_parallel(lambda key: nulls_for_nonfinite(work(jobs[key])), missing, append_result)
     return {key: done[key] for key in jobs}
 
 

@@ -24,7 +24,7 @@ def path_distances_over_deflection(a: Response, b: Response, positions: Array) -
     return distance / max(a.max_deflection, b.max_deflection)
 
 
-def max_path_gap_past_slack(a: Response, b: Response, stop: float) -> float:
+def max_relative_path_gap_past_slack(a: Response, b: Response, stop: float) -> float:
     """Largest relative gap from slack onset to s_o/l = `stop`, which both reach; nan without slack before."""
     onset = min(a.slack_onset_position_or_inf, b.slack_onset_position_or_inf)
     if not onset < stop:

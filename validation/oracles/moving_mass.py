@@ -53,31 +53,31 @@ def _panels_and_interpolation_weights(t: Array, edges: Array) -> tuple[NDArray[n
     return k, chebvander(x, DEGREE) @ _TO_COEFFICIENTS
 
 
-def _emission_times(motion: Motion, sign: float, phase: Array, latest: Array) -> Array:
-    """t in [0, latest] with t + sign xi(t) = phase, by bisection."""
+def _emission_times(motion: Motion, sign: float, characteristic: Array, latest: Array) -> Array:
+    """t in [0, latest] with t + sign xi(t) = characteristic, by bisection."""
     low = np.zeros_like(latest)
     high = latest
     for _ in range(60):
         middle = 0.5 * (low + high)
-        early = middle + sign * motion.position(middle) < phase
+        early = middle + sign * motion.position(middle) < characteristic
         low = np.where(early, middle, low)
         high = np.where(early, high, middle)
     return high
 
 
-def _front_arrival_times(motion: Motion, end: float) -> Array:
-    """Starts of the travel's pieces, returns of their waves by one support, and `end`."""
-    starts = [piece.start for pieces in motion.pieces for piece in pieces if piece.start < end]
-    times = {*starts, end}
+def _front_arrival_times(motion: Motion, end_time: float) -> Array:
+    """Starts of the travel's pieces, returns of their waves by one support, and `end_time`."""
+    starts = [piece.start for pieces in motion.pieces for piece in pieces if piece.start < end_time]
+    times = {*starts, end_time}
     for start in starts:
         for sign, turn in ((1.0, 0.0), (-1.0, 2.0)):  # by the near support, by the far one
             last = -1.0
             t = start
-            while last + 1e-9 < t < end:
+            while last + 1e-9 < t < end_time:
                 times.add(t)
-                phase = t + sign * float(motion.position(t)) + turn
+                characteristic = t + sign * float(motion.position(t)) + turn
                 last = t
-                t = float(_emission_times(motion, -sign, np.array([phase]), np.array([end]))[0])
+                t = float(_emission_times(motion, -sign, np.array([characteristic]), np.array([end_time]))[0])
     return np.array(sorted(times))
 
 
@@ -104,9 +104,9 @@ def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory
     domain = "mu, sigma > 0, travel on the string below the wave speed"
     refuse_unless(domain, mu > 0.0, sigma > 0.0, slow, motion.end_position <= 1.0)
     reach = 0.01  # distance to the far support at which the answer ends: fronts accumulate there
-    end = motion.time_at_position(1.0 - reach) if motion.end_position > 1.0 - reach else motion.end_time
+    end_time = motion.time_at_position(1.0 - reach) if motion.end_position > 1.0 - reach else motion.end_time
     longest = min(0.05, 0.125 * mu)  # panel: the string gives way within mu/2
-    edges = _panel_edges(motion, end, longest)
+    edges = _panel_edges(motion, end_time, longest)
     half = 0.5 * np.diff(edges)
     from_edges = half[:, None] * (1.0 + POINTS[1:])
     t = (edges[:-1, None] + from_edges).ravel()
@@ -121,9 +121,9 @@ def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory
         on = columns >= 0
         return csr_array((weights[on], (rows[on], columns[on])), shape=(n, n))
 
-    def reflected(sign: float, phase: Array) -> csr_array:
-        arrived = phase > sign * motion.start_position
-        sent = _emission_times(motion, sign, phase, t)
+    def reflected(sign: float, characteristic: Array) -> csr_array:
+        arrived = characteristic > sign * motion.start_position
+        sent = _emission_times(motion, sign, characteristic, t)
         panel, weights = _panels_and_interpolation_weights(sent, edges)
         return sparse(panel, weights * arrived[:, None])
 
@@ -146,13 +146,13 @@ def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory
     return MassHistory(edges, np.concatenate([first, values], axis=2))
 
 
-def _panel_edges(motion: Motion, end: float, longest: float) -> Array:
+def _panel_edges(motion: Motion, end_time: float, longest: float) -> Array:
     """Arrivals of fronts, and times between them, at most `longest` apart."""
     edges = []
-    for begin, stop in pairwise(_front_arrival_times(motion, end)):
+    for begin, stop in pairwise(_front_arrival_times(motion, end_time)):
         count = int(np.ceil((stop - begin) / longest))
         edges.append(np.linspace(begin, stop, 1 + count)[:-1])
-    return np.append(np.concatenate(edges), end)
+    return np.append(np.concatenate(edges), end_time)
 
 
 def cases() -> Iterator[Crossing | Limit]:

@@ -247,7 +247,7 @@ def run_and_report_study(
     folder = store.claim_and_clear_folder(out, command, scene, files)
     with terminal.progress_bars() as progress:
         results = study(*inputs, folder, progress)
-        report.write_report_and_finish(folder, command)
+        report.write_report_and_mark_finished(folder, command)
     report.print_findings(report.read_stored_sections(folder, command))
     stored = [name for name in files if (folder / name).exists()]
     terminal.print_text(f"written to {folder}: report.html, {', '.join(stored)}")

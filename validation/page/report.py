@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from validation.core.readback import StoredResults
 
 
-def write_report_and_finish(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
+def write_report_and_mark_finished(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
     """Draw and store the pages of a command, write report.html with those of all finished ones, mark it finished.
 
     The latest command's pages come first.
@@ -59,7 +59,7 @@ def report_read_back_faults(folder: Path, command: str, faults: Sequence[str]) -
     """Draw a page that begins with faults and print the first five; 1 if there are any."""
     if not faults:
         return 0
-    write_report_and_finish(folder, command, faults)
+    write_report_and_mark_finished(folder, command, faults)
     terminal.print_faults([f"not what was computed: {fault}" for fault in faults[:5]])
     return 1
 

@@ -19,7 +19,7 @@ from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car
 from cablefem.scene.drive import Thrust
 from cablefem.scene.line import Line
-from validation.commands.check.motion import reference_scales
+from validation.commands.check.motion import deflection_tension_and_weight_scales
 from validation.commands.run.motion import ELEMENTS, LineRuns
 from validation.commands.run.quasi import largest_distances_from_rest, line_at_timetable_positions
 from validation.core import store
@@ -36,7 +36,7 @@ def advise_on_line(line: Line, tol: float, out: Path, report: Progress = no_prog
     report("with all bodies", 0.0)
     runs = LineRuns(ELEMENTS, _line_with_car_model(line, "rigid"))
     run = runs.run(2, 2)
-    scales = reference_scales(line, run)
+    scales = deflection_tension_and_weight_scales(line, run)
     allowed = _Allowed(tol * scales.path, FORCES * tol * scales.tension, FORCES * tol, scales.weights)
     content: Row = {"scene": line.name, "scene_toml": line.to_toml(), "tol": tol, "bodies": [], "periods": []}
     report("states of rest", 0.5)
@@ -158,7 +158,7 @@ def _max_distances_by_need(
     That of the path [m] is across the rope, those of forces [N] are of means over an axial round trip.
     """
     assert body.turning is not None
-    end = min(body_run.end, point_run.end)
+    end = min(body_run.end_time, point_run.end_time)
     wheel_points = [wheel.point for wheel in body.turning.wheels] or [body.point]
     middle = np.mean(wheel_points, axis=0)  # of both wheels (n, 2)
     distance = body_run.at_common_instants(middle, end) - point_run.at_common_instants(point.point, end)

@@ -63,7 +63,7 @@ def _largest_relative_gap(name: str, a: Response, b: Response, view: View, means
     return gap / float(np.nanmax(np.abs(getattr(b, name))))
 
 
-def _position_or_speed_gap(a: Response, b: Response, view: View) -> float:
+def _relative_position_or_speed_gap(a: Response, b: Response, view: View) -> float:
     """Largest gap in position over the length, or in speed over its largest."""
     position = series_gap(a, b, view.window, attrgetter("s_o"), largest=True) / b.length
     return max(position, _largest_relative_gap("speed", a, b, view))
@@ -77,7 +77,7 @@ FORCE_NEEDS = ("tension", "haul force")
 ByNeed = dict[str, float]
 # need -> distance of two runs, and the largest order credited
 NEEDS: dict[str, tuple[Gap, float]] = {
-    "timetable": (_position_or_speed_gap, math.inf),
+    "timetable": (_relative_position_or_speed_gap, math.inf),
     "path": (partial(_largest_relative_gap, "v"), math.inf),
     "tension": (_tension_gap, 1.0),
     "haul force": (partial(_largest_relative_gap, "F_haul", means=True), 1.0),
@@ -89,7 +89,7 @@ NEEDS_OF_DRIVE = {
 }
 
 
-def tolerances_by_need(scene: Scene, tol: float) -> ByNeed:
+def relative_tolerances_by_need(scene: Scene, tol: float) -> ByNeed:
     """The tolerance of each need of a scene, relative, from that of the path."""
     needs = NEEDS_OF_DRIVE[scene.drive.mode]
     return {need: tolerance_of_kind("force" if need in FORCE_NEEDS else "path", tol, None) for need in needs}
@@ -138,7 +138,7 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = no_progress) 
     if not (math.isfinite(tol) and 0.0 < tol < 1.0):
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
     file = out / "advice.json"
-    stored = store.read_json_or_empty(file, scene_toml=scene.to_toml(), asked=tolerances_by_need(scene, tol))
+    stored = store.read_json_or_empty(file, scene_toml=scene.to_toml(), asked=relative_tolerances_by_need(scene, tol))
     if stored:
         return stored
     content = advice(scene, tol, report)
@@ -148,7 +148,7 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = no_progress) 
 
 def advice(scene: Scene, tol: float, report: Progress = no_progress) -> Row:
     """The content of advice.json: the cheapest run that meets the tolerance, and all that was compared with it."""
-    tolerances = tolerances_by_need(scene, tol)
+    tolerances = relative_tolerances_by_need(scene, tol)
     view = View.of_scene(scene)
     ladder = _refine_full_model_within_budget(scene, view, tol, tolerances, report)
     full = ladder.finest
@@ -217,12 +217,12 @@ def _cheaper_rungs(scene: Scene, full: Response, view: View, report: Progress) -
         yield _hauled_statics_rung(scene, full, view)
         gripping = scene.variant(drive={"mode": "grip"})
         gripped = _run_after_warm_up(gripping, REFERENCE, view, **full.settings)
-        yield Rung("grip", "mass", gripped.seconds, gaps_by_need(gripped, full, view), gripped)
+        yield Rung("grip", "mass", gripped.seconds, relative_gaps_by_need(gripped, full, view), gripped)
         return
     for i, (model, load) in enumerate(LADDER[:-1]):
         report("cheaper models", (i + 1) / (len(LADDER) - 1))
         r = _run_after_warm_up(scene, REFERENCE, view, model=model, load=load, **full.settings)
-        yield Rung(model, load, r.seconds, gaps_by_need(r, full, view), r)
+        yield Rung(model, load, r.seconds, relative_gaps_by_need(r, full, view), r)
 
 
 def _run_after_warm_up(scene: Scene, method: str | Method, view: View, **how: Any) -> Response:
@@ -232,7 +232,7 @@ def _run_after_warm_up(scene: Scene, method: str | Method, view: View, **how: An
     return run(scene, method, **how)
 
 
-def gaps_by_need(r: Response, full: Response, view: View) -> ByNeed:
+def relative_gaps_by_need(r: Response, full: Response, view: View) -> ByNeed:
     """Distances to the full run by need; infinite where a run says nothing, or ends before the range."""
     out = dict.fromkeys(NEEDS_OF_DRIVE[full.drive], math.inf)
     if not view.is_reached_by(r):
@@ -260,7 +260,7 @@ def _quasi_static_ride_rungs(scene: Scene, full: Response) -> Iterator[Rung]:
         seconds = time.perf_counter() - begin
         gaps = dict.fromkeys(NEEDS_OF_DRIVE["free"], math.inf)
         if model == "quasi-static":
-            gaps |= _gaps_of_statics(scene, full)
+            gaps |= _relative_gaps_of_statics(scene, full)
         if rolled.sections:
             end = rolled.duration * tau
             t = full.t[full.t <= end] / tau
@@ -283,12 +283,12 @@ def _hauled_statics_rung(scene: Scene, full: Response, view: View) -> Rung:
     mean = uniform_filter1d(full.F_haul, instants, mode="nearest")
     at_rest = np.interp(full.s_o, r.s_o, r.F_haul)
     largest_gap = np.nanmax(np.abs(mean - at_rest))
-    gaps = _gaps_of_statics(scene, full)
+    gaps = _relative_gaps_of_statics(scene, full)
     gaps["haul force"] = float(largest_gap / np.nanmax(np.abs(full.F_haul)))
     return Rung("statics", "mass", seconds, gaps)
 
 
-def _gaps_of_statics(scene: Scene, full: Response) -> ByNeed:
+def _relative_gaps_of_statics(scene: Scene, full: Response) -> ByNeed:
     """Distance of the cable at rest from the full run, at equal positions."""
     l = scene.length
     g = scene.groups
@@ -317,7 +317,7 @@ def _rungs_of_racing_methods(
         for resolution, steps in method.advise_settings:
             settings: dict[str, Any] = {method.resolution.setting: resolution, "steps": steps}
             r = _run_after_warm_up(scene, method, view, model=best.model, load=best.load, **settings)
-            rung = Rung(best.model, best.load, r.seconds, gaps_by_need(r, full, view), r)
+            rung = Rung(best.model, best.load, r.seconds, relative_gaps_by_need(r, full, view), r)
             yield rung
             if rung.meets_tolerances(tolerances):
                 cheapest = min(cheapest, r.seconds)

@@ -19,7 +19,7 @@ from validation.commands.paper import measured
 from validation.commands.paper.vibration import relative_free_vibration_energy
 from validation.core import measures, running, store
 from validation.core.flags import MAX_GAIN
-from validation.core.trust import convergence_limit, max_path_gap_past_slack
+from validation.core.trust import convergence_limit, max_relative_path_gap_past_slack
 from validation.page import page
 
 Row = dict[str, Any]
@@ -131,7 +131,7 @@ def first_wavelet_frequency_error(level: int, reading: Literal["literal", "scali
 def path_gap_past_slack(a: Response, b: Response, until: float = 1.0) -> float:
     """Distance of two paths on the slack cable, as far as both go."""
     end = min(a.reached, b.reached, until)
-    return max_path_gap_past_slack(a, b, end)
+    return max_relative_path_gap_past_slack(a, b, end)
 
 
 def light_mass_entry_error(**finer: float) -> float:

@@ -22,7 +22,7 @@ from cablefem.response import Array, write_json
 from cablefem.scene.line import Line
 from validation.commands.chart.front import Row, fastest_methods_at_error
 from validation.commands.chart.study import SETTINGS, Series, versions_and_machine
-from validation.commands.check.motion import reference_scales
+from validation.commands.check.motion import deflection_tension_and_weight_scales
 from validation.commands.run.motion import ELEMENTS, SINES, Factors, LineMethod, LineRuns, OutOfTime
 from validation.commands.run.quasi import largest_distances_from_rest, line_at_timetable_positions
 from validation.core import store
@@ -49,7 +49,7 @@ def chart_line(
     reference = _Reference.compute(line, runs, 2 * int(np.max(ladder)), 0.5 * budget)
     rows: list[Row] = []
     content: Row = {"scene": line.name, "scene_toml": line.to_toml(), "drive": "line"}
-    content |= {"machine": versions_and_machine(), "window": [0.0, reference.run.end]}
+    content |= {"machine": versions_and_machine(), "window": [0.0, reference.run.end_time]}
     content |= {"reference": reference.stored, "rows": rows}
     methods = list(_charted_methods())
     for i, (series, method) in enumerate(methods):
@@ -99,7 +99,7 @@ class _Reference:
             run = runs.run(finer, finer)
             spent = perf_counter() - begin
         half = finer // 2
-        reference = cls(run, reference_scales(line, run), {})
+        reference = cls(run, deflection_tension_and_weight_scales(line, run), {})
         stored: Row = {"method": run.method, "settings": run.settings}
         stored |= reference.errors(runs.run(half, half))
         witness = LineRuns(SINES, line, runs).run(half, half)
@@ -109,13 +109,16 @@ class _Reference:
 
     def errors(self, moved: LineRun) -> dict[str, float]:
         """Errors of the cars' paths and of mean tensions at the contacts, dimensionless."""
-        end = min(moved.end, self.run.end)
+        end_time = min(moved.end_time, self.run.end_time)
         path = [
-            distances(moved.at_common_instants(a.point, end), self.run.at_common_instants(b.point, end))
+            distances(moved.at_common_instants(a.point, end_time), self.run.at_common_instants(b.point, end_time))
             for a, b in zip(moved.motion.cars, self.run.motion.cars, strict=True)
         ]
         tension = [
-            np.abs(_mean_tension(moved, k, end) - _mean_tension(self.run, k, end))
+            np.abs(
+                _mean_tension_at_common_instants(moved, k, end_time)
+                - _mean_tension_at_common_instants(self.run, k, end_time)
+            )
             for k in range(len(self.run.motion.contacts))
         ]
         return {
@@ -131,16 +134,16 @@ class _Reference:
         if moved is self.run:
             return "it is the reference: a larger --budget takes a finer one"
         same_end = 0.02  # of the duration
-        if abs(moved.end - self.run.end) <= same_end * self.run.end:
+        if abs(moved.end_time - self.run.end_time) <= same_end * self.run.end_time:
             return None
         last = f": {moved.events[-1][0]}" if moved.events else ""
-        return f"ends after {moved.end:.1f} s instead of {self.run.end:.1f} s{last}"
+        return f"ends after {moved.end_time:.1f} s instead of {self.run.end_time:.1f} s{last}"
 
 
-def _mean_tension(moved: LineRun, contact: int, end: float) -> Array:
+def _mean_tension_at_common_instants(moved: LineRun, contact: int, end_time: float) -> Array:
     """Tension at a contact, averaged over an axial round trip, at the common instants (n,) [N]."""
     tension = tension_behind_or_ahead(moved.motion.contacts[contact])
-    return moved.at_common_instants(moved.mean_over_axial_round_trip(tension), end)
+    return moved.at_common_instants(moved.mean_over_axial_round_trip(tension), end_time)
 
 
 def _rows_of_series(
@@ -173,7 +176,7 @@ def _row_or_failure(series: Series, settings: Row, run: Callable[[], LineRun], r
     work = moved.work
     results: Row = {"status": "ok", "seconds": moved.seconds, "repeats": 1, "n_dof": moved.n_dof, "steps": work.steps}
     results |= {"newton_iterations": work.newton_iterations, "factorisations": work.factorisations}
-    results |= {"unknown_steps": work.steps * moved.n_dof, "reached": moved.end}
+    results |= {"unknown_steps": work.steps * moved.n_dof, "reached": moved.end_time}
     return series.chart_row(settings, **results, **reference.errors(moved))
 
 

@@ -55,7 +55,9 @@ def command(
 
         lines.refuse_before_check(points, second_line, self_test)
         code, results = lines.check_lines(points, tol, tol_tension, out, second_line, require)
-        seen = lines.print_sensitivity_and_self_test(points[0].scene, results, tol, tol_tension, sensitive, self_test)
+        seen = lines.print_sensitivity_and_run_self_test(
+            points[0].scene, results, tol, tol_tension, sensitive, self_test
+        )
         return code or int(not seen)
     faults = _option_faults(tol, tol_tension, with_tol, ask)
     loaded = options.with_limits_of_regulations(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)

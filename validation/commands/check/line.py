@@ -267,7 +267,7 @@ def _rows_of_outputs_read_back(result: RestAnswers) -> list[Agreement]:
         return line_laws.printed_number_rows(result.line.to_toml(), result.rest, folder, html, page.WORDS)
 
 
-def detectable_input_changes(result: RestAnswers) -> dict[str, float]:
+def detectable_relative_changes(result: RestAnswers) -> dict[str, float]:
     """Smallest relative change of each input key that this check would detect in one solver, by catenaries."""
     line = result.line
     base = line.solve_at_rest(catenary_line.solve)
@@ -278,4 +278,4 @@ def detectable_input_changes(result: RestAnswers) -> dict[str, float]:
         rows = worst_state_rows(BothAnswers(base, base, changed, changed), *exact)
         return {(row.quantity, row.law): row.gap for row in rows}
 
-    return sensitivities.detectable_input_changes_by_gaps(line, result.rows, gaps_to)
+    return sensitivities.detectable_relative_changes_by_gaps(line, result.rows, gaps_to)

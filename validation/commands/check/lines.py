@@ -28,33 +28,33 @@ def check_lines(
 
     second : a line for the second solver alone, or None.
     """
-    kind = _kind(points[0].scene)
+    module = _checking_module(points[0].scene)
     results: list[Any] = []
 
     def check_one(line: Line, report: Any) -> Any:
         how = {"report": report} if line.moves else {}  # at rest it takes a second
-        results.append(kind.check_line(line, kind.TOL if tol is None else tol, tol_tension, second, **how))
+        results.append(module.check_line(line, module.TOL if tol is None else tol, tol_tension, second, **how))
         return results[-1]
 
     return answer_and_report_lines("check", points, out, check_one, require), results
 
 
-def print_sensitivity_and_self_test(
+def print_sensitivity_and_run_self_test(
     line: Line, results: list[Any], tol: float | None, tol_tension: float | None, sensitive: bool, self_test: bool
 ) -> bool:
     """Print what checks would notice, and whether a planted fault is seen; True without a self-test."""
-    kind = _kind(line)
+    module = _checking_module(line)
     for result in results if sensitive else ():
-        changes = kind.detectable_input_changes(result)
+        changes = module.detectable_relative_changes(result)
         terminal.print_text(f"  {sensitivity.detectable_changes_sentence(changes)}")
     if not self_test:
         return True
-    tol = kind.TOL if tol is None else tol
-    faulty = selftest.check_with_mass_fault(kind.check_line, line, tol, tol_tension)
+    tol = module.TOL if tol is None else tol
+    faulty = selftest.check_with_mass_fault(module.check_line, line, tol, tol_tension)
     return selftest.fault_is_seen(faulty.verdict, faulty.methods[1], tol)
 
 
-def _kind(line: Line) -> Any:
+def _checking_module(line: Line) -> Any:
     """The module that checks it."""
     return motion if line.moves else at_rest
 

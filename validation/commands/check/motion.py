@@ -37,7 +37,7 @@ from validation.page.options import tolerance_faults
 TOL = DEFAULT_TOL
 
 
-def reference_scales(line: Line, run: LineRun) -> Scales:
+def deflection_tension_and_weight_scales(line: Line, run: LineRun) -> Scales:
     """Largest deflection of a car in the run, largest tension at its start, and weights of the cars."""
     path = largest_car_deflection(line, line.solve_empty_line(catenary_line.solve), run.motion)
     tension = largest_tension_at_start(run.motion)
@@ -49,12 +49,12 @@ def compare_and_check_laws(
     line: Line, a: Ladder[LineRun], b: Ladder[LineRun], tolerance: LineTolerance
 ) -> list[Agreement]:
     """All rows of two ladders of runs: comparisons, and laws of both from the TOML."""
-    comparison = LineComparison(a, b, reference_scales(line, a.finest), tolerance)
-    return [*comparison.rows(), *law_rows(line.to_toml(), (a, b), comparison.end)]
+    comparison = LineComparison(a, b, deflection_tension_and_weight_scales(line, a.finest), tolerance)
+    return [*comparison.rows(), *law_rows(line.to_toml(), (a, b), comparison.compared_until)]
 
 
-def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end: float) -> Iterator[Agreement]:
-    """A row for each law that applies to the line in the TOML and each ladder, up to the time `end`."""
+def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end_time: float) -> Iterator[Agreement]:
+    """A row for each law that applies to the line in the TOML and each ladder, up to the time `end_time`."""
     line = motion_laws.LineTables(toml)
     laws = motion_laws.laws_that_apply(line, [ladder.finest.motion for ladder in ladders])
     samples: dict[tuple[int, int], tuple[LineRun, motion_laws.SampledMotion]] = {}  # by run and step, for all laws
@@ -63,11 +63,11 @@ def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end: float) -> Itera
         key = id(moved), every
         if key not in samples:
             samples[key] = moved, motion_laws.SampledMotion(line, moved, every)  # an id lives with its run
-        return law(samples[key][1], end)
+        return law(samples[key][1], end_time)
 
     for ladder in ladders:
         for name, law in laws.items():
-            yield law_row(ladder, "laws_si", name, partial(defects, law), end)
+            yield law_row(ladder, "laws_si", name, partial(defects, law), end_time)
 
 
 def check_line(
@@ -126,7 +126,7 @@ def _doubled_where_coarse(space: int, time: int, rows: Sequence[Agreement]) -> t
     return space, time
 
 
-def detectable_input_changes(result: MotionAnswers) -> dict[str, float]:
+def detectable_relative_changes(result: MotionAnswers) -> dict[str, float]:
     """Smallest relative change of each input key that this check would detect, by one of the coarsest runs a key."""
     line = result.line
     first = LineRuns(ELEMENTS, line)
@@ -135,7 +135,7 @@ def detectable_input_changes(result: MotionAnswers) -> dict[str, float]:
 
     def gaps_to(changed_line: Line) -> sensitivities.Gaps:
         changed = Ladder.of_one_run(LineRuns(ELEMENTS, changed_line, first).run(1, 1))
-        comparison = LineComparison(base, changed, reference_scales(line, result.moved), asked)
+        comparison = LineComparison(base, changed, deflection_tension_and_weight_scales(line, result.moved), asked)
         return {(row.quantity, row.law): row.gap for row in comparison.rows() if row.bound.kind == "error bars"}
 
-    return sensitivities.detectable_input_changes_by_gaps(line, result.rows, gaps_to)
+    return sensitivities.detectable_relative_changes_by_gaps(line, result.rows, gaps_to)

@@ -21,7 +21,7 @@ Gaps = dict[tuple[str, str], float]  # by quantity and law
 STEP = 0.1  # [percent] change of a key; rows are linear in it
 
 
-def detectable_input_changes(result: Check) -> dict[str, float]:
+def detectable_relative_changes(result: Check) -> dict[str, float]:
     """Smallest relative change of each input key in one solver that this check would detect.
 
     One run a key at half the resolution: changes of rows need fewer digits.
@@ -35,10 +35,10 @@ def detectable_input_changes(result: Check) -> dict[str, float]:
         deciding = [q for q in TABLE if q.tolerance_kind and q.concerns(view)]
         return {(q.name, q.law): _gap_or_zero(q, changed, base, view) for q in deciding}
 
-    return detectable_input_changes_by_gaps(result.scene, result.rows, gaps_to)
+    return detectable_relative_changes_by_gaps(result.scene, result.rows, gaps_to)
 
 
-def detectable_input_changes_by_gaps(
+def detectable_relative_changes_by_gaps(
     scene: Any, rows: Sequence[Agreement], gaps_to: Callable[[Any], Gaps]
 ) -> dict[str, float]:
     """The smallest relative change of each key of a scene that a row detects, if less than the key itself.

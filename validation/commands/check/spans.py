@@ -41,13 +41,13 @@ def check_and_write(
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)
         if third_party is not None:
-            result = study.with_third_party(result, *third_party)
+            result = study.with_third_party_rows(result, *third_party)
             third_party[0].write(folder / "with.csv")
         result.write(folder)
         progress("writing", 0.3)
         runs = result.a.finest, result.b.finest
         with do_in_background(partial(write_animations, folder, runs)):
-            report.write_report_and_finish(folder, "check")
+            report.write_report_and_mark_finished(folder, "check")
         for r in runs:
             write_summary_and_profile(folder / r.method, scene, r)
         store.mark_finished_with_files(folder, "check")
@@ -66,7 +66,7 @@ def print_and_verify_check(
     with terminal.copy_printed_lines() as lines:
         words.print_check(result, verbose)
     if sensitive:
-        changes = sensitivity.detectable_input_changes(result)
+        changes = sensitivity.detectable_relative_changes(result)
         terminal.print_text(f"  {sensitivity.detectable_changes_sentence(changes)}")
     a, b = result.methods
     terminal.print_text(f"  written to {folder}: report.html, {a}/, {b}/")

@@ -366,7 +366,7 @@ def _with_widened_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement
     return replace(ladder, finest=widened)
 
 
-def with_third_party(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
+def with_third_party_rows(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
     """The check with rows of a third party, against our solver with the smaller bar."""
     ladders = check.a, check.b
     best = min(ladders, key=lambda ladder: path_bar_from_coarser_runs(ladder.finest))
@@ -401,7 +401,7 @@ def check_solver(
         answer = _path_of_columns(scene, answer, name)
     ours = ours or check(scene, tol=tol, progress=progress)
     foreign.refuse_wrong_unit_or_direction(answer, ours.a.finest)
-    return with_third_party(ours, answer, with_tol)
+    return with_third_party_rows(ours, answer, with_tol)
 
 
 def _path_of_columns(scene: Scene, answer: Any, name: str) -> ForeignPath:

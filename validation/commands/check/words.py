@@ -12,7 +12,7 @@ def print_check(result: Check, verbose: bool = False) -> None:
     """Print the verdict, important numbers, and their certainty; verbose : every comparison."""
     terminal.print_verdict(result.own_verdict.value)
     printing.print_run_summary(result.scene, replace(result.a.finest, design=result.design))
-    _print_quasi_static_end(result)
+    _print_quasi_static_outcome(result)
     _print_agreement(result)
     for method, flag in result.doubts:
         terminal.print_text(f"  {method}: {flag}", style="yellow")
@@ -21,7 +21,7 @@ def print_check(result: Check, verbose: bool = False) -> None:
         printing.print_agreements(shown)
 
 
-def _print_quasi_static_end(result: Check) -> None:
+def _print_quasi_static_outcome(result: Check) -> None:
     """Print how the ride ends by the quasi-static model, if it has an end there."""
     ends = [event for event in result.quasi_static if event["event"] in ("arrival", "back", "stop")]
     if ends:

@@ -72,7 +72,7 @@ def _search_and_report(scene: Any, search: Callable[..., Any], writes: list[str]
         except study.Interrupted as stop:
             result = stop.found
         result.write(folder)
-        report.write_report_and_finish(folder, "find")
+        report.write_report_and_mark_finished(folder, "find")
         with terminal.copy_printed_lines() as lines:
             for sentence in result.sentence.splitlines():
                 terminal.print_text(sentence, style="bold")

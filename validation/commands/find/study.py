@@ -62,7 +62,7 @@ class Threshold:
     checked: tuple[int, float, float | None] | None = None
 
     @property
-    def interval(self) -> float:
+    def interval_width(self) -> float:
         """Distance of both neighbours: what bisection left open."""
         return abs(self.fails_at - self.holds_at)
 
@@ -75,7 +75,7 @@ class Threshold:
             text = f"about {float(f'{self.value:.2g}'):g}"
             sure += ", but its error bar leaves no digit of that"
         else:
-            text = text_with_bar(self.value, self.interval if self.bar is None else self.bar)
+            text = text_with_bar(self.value, self.interval_width if self.bar is None else self.bar)
             sure += "" if self.bar is not None else ", whose own error is not known"
         return f"{side} {f'{text} {self.unit}'.rstrip()}; {beyond}: {self.fails}; {sure}"
 
@@ -387,9 +387,9 @@ class _Search:
             number = clause.number_in(answer) if numeric else None
             if number is None:
                 return self._with_bar_by_full_model(threshold) if by_check else threshold
-            slope = abs(after[i] - before[i]) / threshold.interval
+            slope = abs(after[i] - before[i]) / threshold.interval_width
             off = abs(clause.margin(answer) - before[i])
-            bar = math.inf if number.bar is None else max((off + number.bar) / slope, threshold.interval)
+            bar = math.inf if number.bar is None else max((off + number.bar) / slope, threshold.interval_width)
             useful = bar < self.width / BRACKETS
             threshold = replace(threshold, bar=bar if useful else None, checked=(i, number.value, number.bar))
             if useful or isinstance(scene, Line):

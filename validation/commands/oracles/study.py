@@ -128,7 +128,7 @@ def write_oracle_table(out: Path, progress: Progress = no_progress, *, quick: bo
     """
     tasks = all_tasks()
     if quick:
-        tasks = _one_task_of_each_kind(tasks)
+        tasks = _one_task_of_each_group_and_verdict(tasks)
     jobs = {json.dumps(task.key): task for task in tasks}
     report = partial(progress, "oracles")
     results = store.compute_and_store_missing(out / ROWS, jobs, lambda task: task.compute_row(), report)
@@ -144,7 +144,7 @@ def write_oracle_table(out: Path, progress: Progress = no_progress, *, quick: bo
     return content
 
 
-def _one_task_of_each_kind(tasks: list[Task]) -> list[Task]:
+def _one_task_of_each_group_and_verdict(tasks: list[Task]) -> list[Task]:
     """The first task of each group of exact answers and expected verdict."""
     exact = oracles.find_oracles()
     first: dict[tuple[str, str], Task] = {}
@@ -246,16 +246,16 @@ class _Solvers:
         return np.sort_complex(omega[omega.real > 0.0])[:count]
 
     def release_string(
-        self, method_name: str, groups: Groups, p: float, end: float, **settings: Any
+        self, method_name: str, groups: Groups, p: float, end_time: float, **settings: Any
     ) -> tuple[Array, Array]:
         """Release a straight string that the weight of groups holds at p; return t, and w at p."""
-        groups = replace(groups, motion=rest_motion(p, end))
+        groups = replace(groups, motion=rest_motion(p, end_time))
         loaded = _build_system(method_name, groups, "straight", settings)
         free = _build_system(method_name, replace(groups, mu=0.0), "straight", settings)
         rest = solve_equilibrium(loaded)
         start = newmark.consistent_acceleration(free, 0.0, rest, np.zeros_like(rest), 0)
         steps = find_method(method_name).complete_settings(settings)["steps"]
-        times = np.linspace(0.0, end, 1 + steps)
+        times = np.linspace(0.0, end_time, 1 + steps)
         states = [start, *newmark.integrate(free, newmark.scheme("trapezoidal"), [times], start=start)]
         history = stack_states(states)
         path = free.observe(history, np.zeros(0), np.zeros(0, np.intp)).path

@@ -43,7 +43,7 @@ def _wavelet_basis(terms: int) -> Basis:
     return next(wavelets for wavelets in sets if wavelets.n == terms)
 
 
-def tension_overshoot(groups: Groups, method: str, terms: int) -> dict[str, float]:
+def tension_overshoot_over_H(groups: Groups, method: str, terms: int) -> dict[str, float]:
     """Largest |T - T_converged|/H between half a wavelength and two of them from the mass.
 
     size : mean over POSITIONS;  spread : standard error of the mean.

@@ -48,7 +48,7 @@ def compute_or_load_numbers(runs: Runs, file: Path, report: Progress, quick: boo
     jobs: dict[str, Callable[[], Any]] = {
         "frequencies": lambda: frequency_convergence(level.groups),
         "overshoot": lambda: {
-            method: [gibbs.tension_overshoot(inclined.groups, method, terms) for terms in ladder]
+            method: [gibbs.tension_overshoot_over_H(inclined.groups, method, terms) for terms in ladder]
             for method, ladder in ladders.items()
         },
         "vibration": lambda: _max_vibration_energies(level.groups),

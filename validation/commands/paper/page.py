@@ -220,7 +220,7 @@ def _draw_overshoot(content: Table) -> Figure:
     return fig
 
 
-def _draw_outlook(content: Table) -> Figure:
+def _draw_rides_by_thrust_angle(content: Table) -> Figure:
     rides = content["outlook"]
     x = rides["x"]
     fig, (top, bottom) = figure_with_axes(2, 1, height=5.0, sharex=True)
@@ -238,7 +238,7 @@ def _draw_outlook(content: Table) -> Figure:
 
 
 OF_NUMBERS: dict[str, Callable[[Table], Figure]] = {  # of claims.json
-    "frequencies": _draw_frequencies, "overshoot": _draw_overshoot, "outlook": _draw_outlook,
+    "frequencies": _draw_frequencies, "overshoot": _draw_overshoot, "outlook": _draw_rides_by_thrust_angle,
 }  # fmt: skip
 OF_RUNS: dict[str, Callable[[Table, Shown], Figure]] = {
     "paths": _draw_paths, "shapes": _draw_along_cable, "tensions": _draw_along_cable, "levels": _draw_median_tensions,

@@ -110,7 +110,7 @@ def _run_and_report(
     with nullcontext() if name == QUASI_STATIC else do_in_background(partial(write_animations, folder, [r])):
         r.write(folder / name)
         write_summary_and_profile(folder / name, scene, r)
-        report.write_report_and_finish(folder, "run")
+        report.write_report_and_mark_finished(folder, "run")
     store.mark_finished_with_files(folder, "run")  # with the animation's files
     with terminal.copy_printed_lines() as lines:
         printing.print_run_summary(scene, r)

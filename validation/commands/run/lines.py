@@ -149,7 +149,7 @@ def _answer_one_line(command: str, line: Line, moves: bool, out: Path | None, so
             terminal.print_text(f"  {_agreement_counts_sentence(result)}")
             if result.verdict is Verdict.TOO_COARSE and (excess := excess_over_tolerance_sentence(result.rows)):
                 terminal.print_text(f"  {excess}")
-    report.write_report_and_finish(folder, command)
+    report.write_report_and_mark_finished(folder, command)
     html = "".join(f"{section.summary}{section.html}" for section in report.read_stored_sections(folder, command))
     faults = [*result.output_faults(folder / home, html), *line_terminal_faults(printed, html, folder / home)]
     report.report_read_back_faults(folder, command, faults)

@@ -458,18 +458,20 @@ class MotionAnswers(LineAnswers):
         run = self.moved
         positions = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
         before = "".join(f"{sentence}; " for sentence in self._earlier_stop_sentences())
-        if run.events and run.events[-1][1] >= run.end * ALMOST:
+        if run.events and run.events[-1][1] >= run.end_time * ALMOST:
             name, t = run.events[-1]
-            early = run.end < run.instants[-1] * ALMOST
+            early = run.end_time < run.instants[-1] * ALMOST
             whose = "for all cars " if len(self.cars) > 1 else ""
             sentence = f"{before}{name} after {t:.1f} s with {positions}"
-            kind = self._kind_of_ride_that_ends_by(name)
+            kind = self._outcome_kind_of_end_event(name)
             return Outcome(kind, f"{sentence}; this ends the run {whose}early" if early else sentence)
         if run.reason is not None:
             return None
-        return Outcome(self._kind_of_ride_without_end_event(), f"{before}ends after {run.end:.1f} s with {positions}")
+        return Outcome(
+            self._outcome_kind_without_end_event(), f"{before}ends after {run.end_time:.1f} s with {positions}"
+        )
 
-    def _kind_of_ride_without_end_event(self) -> str:
+    def _outcome_kind_without_end_event(self) -> str:
         """The kind of outcome where time ends the run, or rest does."""
         free = [car for car in self.line.car if car.mode == "free"]
         if not free:
@@ -483,7 +485,7 @@ class MotionAnswers(LineAnswers):
         brakes = [stretch * brake.position for brake in drive.brake]
         return "stopped_by_brake" if self.cars[0].s[-1] >= min(brakes, default=math.inf) else "stuck"
 
-    def _kind_of_ride_that_ends_by(self, event: str) -> str:
+    def _outcome_kind_of_end_event(self, event: str) -> str:
         """The kind of outcome of an event at the end: of one free car as on one span, else "ends"."""
         if len(self.cars) > 1 or self.line.car[0].mode == "grip":
             return "ends"

@@ -79,7 +79,7 @@ def largest_distances_from_rest(rest: LineRest, moving: MovingLine, moved: LineR
         columns = [*body.point.T, *map(moved.mean_over_axial_round_trip, forces)]
         in_motion = np.stack([np.interp(t, motion.t, column) for column in columns])  # (5, m)
         at_rest = np.stack([_numbers_of_station(state, body.name) for state in states.values()], axis=1)
-        x, y, behind, ahead, haul = np.abs(in_motion - at_rest)[:, t <= moved.end]
+        x, y, behind, ahead, haul = np.abs(in_motion - at_rest)[:, t <= moved.end_time]
         by_need = {"tension": np.fmax(behind, ahead), "haul force": haul}
         if isinstance(body, CarMotion):
             by_need["path"] = np.hypot(x, y)

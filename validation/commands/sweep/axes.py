@@ -69,19 +69,19 @@ class Steps(Range):
 Axis = Choices | Range
 
 
-def _parse_axes(kind: type[Range], data: Any) -> dict[str, Axis]:
-    """Axes of a table; each is a list, a table with choices, or a range of that kind; SceneError with all faults."""
+def _parse_axes(range_type: type[Range], data: Any) -> dict[str, Axis]:
+    """Axes of a table; each is a list, a table with choices, or a `range_type`; SceneError with all faults."""
     if not (isinstance(data, dict) and data):
         raise ValueError("must be a table of at least one axis")
     axes: dict[str, Axis] = {}
     faults = []
     for name, axis in _with_dotted_names(data):
         try:
-            axes[name] = _parse_axis(kind, axis)
+            axes[name] = _parse_axis(range_type, axis)
         except SceneError as error:
             faults += [f"{name}.{fault}" for fault in error.faults]
         except TypeError:
-            a_list = "[low, high]" if kind is Range else "a list of values"
+            a_list = "[low, high]" if range_type is Range else "a list of values"
             faults.append(
                 f"{name} = {short_text(axis)}: must be {a_list}, or a table with choices, or with from and to"
             )
@@ -100,16 +100,16 @@ def _with_dotted_names(data: dict[str, Any]) -> Iterator[tuple[str, Any]]:
             yield name, axis
 
 
-def _parse_axis(kind: type[Range], data: Any) -> Axis:
+def _parse_axis(range_type: type[Range], data: Any) -> Axis:
     """One axis; TypeError for what is none."""
     match data:
         case Choices() | Range():
             return data
-        case [low, high] if kind is Range:
-            return kind(**{"from": low, "to": high})
-        case [_, *_] if kind is Steps:
+        case [low, high] if range_type is Range:
+            return range_type(**{"from": low, "to": high})
+        case [_, *_] if range_type is Steps:
             return Choices(choices=data)
-    return Choices(**data) if "choices" in data else kind(**data)
+    return Choices(**data) if "choices" in data else range_type(**data)
 
 
 parse_grid_axes = partial(_parse_axes, Steps)  # of [vary]

@@ -89,7 +89,7 @@ def sweep(
                 ):
                     tally.dashboard = client.dashboard_link or ""
                     for rows in filter(None, _compute_rows(client, study, todo, work, raise_if_interrupted)):
-                        write_rows(out, study, rows)
+                        write_parquet_rows(out, study, rows)
                         tally.status.update(row["status"] for row in rows)
                         progress("sweep", tally.done / tally.total, str(tally))
             except KeyboardInterrupt:
@@ -171,7 +171,7 @@ def _chunk_size(seconds: float, timed_rows: list[Row]) -> int:
     return int(np.clip(seconds * len(timed_rows) / max(took, 1e-9), 1, LARGEST))
 
 
-def write_rows(out: Path, study: Study, rows: list[Row]) -> None:
+def write_parquet_rows(out: Path, study: Study, rows: list[Row]) -> None:
     """Write rows as one Parquet file, complete or not at all."""
     import pyarrow
     from pyarrow import parquet

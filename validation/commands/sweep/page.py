@@ -37,7 +37,7 @@ def sections(folder: Path) -> list[Section]:
     file = folder / "study.toml"
     study = Study.load(file)
     rows = read_rows(folder)
-    rows["end"] = _words_of_ends(rows)
+    rows["end"] = _outcome_words_by_scene(rows)
     complete = rows["status"] == "complete"
     refused = rows["status"] == "refused"
     broken = rows["status"].isin(BROKEN)
@@ -58,7 +58,7 @@ def sections(folder: Path) -> list[Section]:
     )  # fmt: skip
 
 
-def _words_of_ends(rows: DataFrame) -> Any:
+def _outcome_words_by_scene(rows: DataFrame) -> Any:
     """What becomes of the car of each scene in words, and whether something is in its way; none of a scene without."""
     hits = rows["outcome"].astype(object).fillna("").str.contains("would hit ")
     return np.where(hits, "would hit; ", "") + rows["outcome_kind"].map(ENDS)

@@ -333,12 +333,12 @@ def built_in_studies() -> dict[str, Path]:
 
 
 @cache
-def _unit_cube_samples(kind: str, count: int, seed: int, axis_count: int) -> np.ndarray:
+def _unit_cube_samples(design: str, count: int, seed: int, axis_count: int) -> np.ndarray:
     """All points of a design of experiments in the unit cube, (count, axis_count)."""
     from scipy.stats import qmc
 
-    if kind == "random":
+    if design == "random":
         return np.random.default_rng(seed).random((count, axis_count))
-    if kind == "latin_hypercube":
+    if design == "latin_hypercube":
         return qmc.LatinHypercube(axis_count, rng=seed).random(count)
     return qmc.Sobol(axis_count, rng=seed).random_base2(math.ceil(math.log2(count)))[:count]

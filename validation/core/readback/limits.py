@@ -13,7 +13,7 @@ from validation.core.scene_data import GROUND, ROUNDING
 LIMIT_VERDICT = r"(met|not met|too close to tell|cannot be judged: .*|not computed.*)$"
 
 
-def expected_scope_sentences(names: Iterable[str], *either: set[str]) -> Iterator[str]:
+def expected_limit_scope_sentences(names: Iterable[str], *either: set[str]) -> Iterator[str]:
     """What texts of limits are for, and whether a scene whose cars move in either of these sets of modes is that."""
     for name in names:
         text = read_package_toml("cablefem.scene", "limits.toml")["text"][name]

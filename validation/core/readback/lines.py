@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.core.readback.limits import LIMIT_VERDICT, expected_scope_sentences, limit_row_faults
+from validation.core.readback.limits import LIMIT_VERDICT, expected_limit_scope_sentences, limit_row_faults
 from validation.core.readback.stored import (
     Faults,
     Row,
@@ -35,7 +35,7 @@ def line_terminal_faults(printed: Sequence[str], html_text: str, folder: Path) -
     scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
     sentences = {
         *_sentences_beside_tables(summary, judged),
-        *_line_scope_sentences(scene, at_rest="positions" in summary),
+        *_expected_line_limit_scope_sentences(scene, at_rest="positions" in summary),
     }
     if plain_text(summary["outcome"]) in plain_text(html_text):
         sentences.add(f"{summary['scene']}: {summary['outcome']}")
@@ -72,7 +72,7 @@ def _sentences_beside_tables(summary: Row, judged: Sequence[Row]) -> Iterator[st
         yield from expected_excess_sentences(judged)
 
 
-def _line_scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
+def _expected_line_limit_scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
     """What the texts of the limits are for, and whether the line is that."""
     cars = scene.get("car", [])
     either = [{car.get("drive", {}).get("mode", "grip") for car in cars}]
@@ -80,7 +80,7 @@ def _line_scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
         either = [{"rest"}]
         if cars:
             either.append({"haul" if car.get("hauled") else "grip" for car in cars})
-    yield from expected_scope_sentences(scene.get("limits", {}).get("use", []), *either)
+    yield from expected_limit_scope_sentences(scene.get("limits", {}).get("use", []), *either)
     yield "at the positions in positions.csv; a single car without `at` is also where each number is worst"
 
 
@@ -132,7 +132,7 @@ class _MovingLine:
         """Faults of the kind of outcome, and of its sentence."""
         clearances = [number for name, number in self.design.items() if name.startswith("clearance")]
         hit = [number for number in clearances if _upper_end_of_bar(number) < TOUCHES]
-        kind = self._expected_kind(hit)
+        kind = self._expected_outcome_kind(hit)
         if self.summary["outcome_kind"] != kind:
             yield f"outcome: {self.summary['outcome_kind']} where the files say {kind}"
         tension = self.design["tension_max"]
@@ -147,24 +147,24 @@ class _MovingLine:
             if part not in self.summary["outcome"]:
                 yield f"outcome: {self.summary['outcome']!r} does not say {part!r}"
 
-    def _expected_kind(self, hit: Sequence[Row]) -> str:
+    def _expected_outcome_kind(self, hit: Sequence[Row]) -> str:
         """The kind of outcome that numbers say, the first that holds, else that of the end."""
         if self.summary["status"] != "complete":
             return "incomplete"
         if "safety_factor_min" in self.design and _upper_end_of_bar(self.design["safety_factor_min"]) < 1.0:
             return "breaks"
-        return "collides" if hit else self._expected_end_kind()
+        return "collides" if hit else self._expected_outcome_kind_at_end()
 
-    def _expected_end_kind(self) -> str:
+    def _expected_outcome_kind_at_end(self) -> str:
         """The kind of outcome by the last event, or by who still rolls without one."""
         of_one_ride = len(self.cars) == 1 and self.free
         if self.last_event:
-            return self._kind_of_last_event() if of_one_ride else "ends"
+            return self._outcome_kind_of_last_event() if of_one_ride else "ends"
         if not self.free:
             return "arrives"
         if any(self.stops[name] is None for name in self.free):
             return "rolling"
-        return self._kind_of_stop() if of_one_ride else "ends"
+        return self._outcome_kind_of_stop() if of_one_ride else "ends"
 
     def _early_end_faults(self) -> Faults:
         """Free cars not at rest for an axial round trip in a run that ends before its time without an event."""
@@ -178,14 +178,14 @@ class _MovingLine:
             if stop is None or self.end - stop < chords_in_rope * self.summary["round_trip"]:
                 yield f"outcome: {ended}, and {name} is not at rest by then"
 
-    def _kind_of_stop(self) -> str:
+    def _outcome_kind_of_stop(self) -> str:
         """The kind of outcome of the one car, which has stopped."""
         (path,) = self.paths.values()
         stretch = thermal_stretch(self.scene["cable"])
         brakes = [stretch * brake["from"] for brake in self.cars[0]["drive"].get("brake", [])]
         return "stopped_by_brake" if path["s_o"][-1] >= min(brakes, default=np.inf) else "stuck"
 
-    def _kind_of_last_event(self) -> str:
+    def _outcome_kind_of_last_event(self) -> str:
         """The kind of outcome of the one car, which rolls freely."""
         ((name, path),) = self.paths.items()
         ends = [self.scene["contact"][i] for i in (0, -1)]

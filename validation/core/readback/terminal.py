@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from validation.core.readback.limits import LIMIT_VERDICT, expected_scope_sentences, limit_row_faults
+from validation.core.readback.limits import LIMIT_VERDICT, expected_limit_scope_sentences, limit_row_faults
 from validation.core.readback.stored import (
     Faults,
     StoredResults,
@@ -83,7 +83,7 @@ def _printed_slack_faults(text: str, stored: StoredResults) -> Faults:
 def crosswind_faults(text: str, stored: StoredResults) -> Faults:
     """Faults of what is said of wind across the line: its speed, both loads of the rope and their factor."""
     data = stored.scene_data
-    across = data.crosswind_force()
+    across = data.crosswind_force_per_length()
     down = data.rho * data.gravity
     expected = [data.wind["across"], across, down, math.hypot(across, down) / down]
     holds = "nothing of it" if stored.summaries[0]["model"] == "quasi-static" else "only how it damps the rope"
@@ -108,7 +108,7 @@ def _limit_scope_faults(text: str, stored: StoredResults) -> Faults:
     """What a text is for, and whether the scene is that."""
     names = read_package_toml("cablefem.scene", "limits.toml")["text"]
     mode = stored.runs[0]["rest"]["drive"]
-    if text not in expected_scope_sentences(names, {mode}):
+    if text not in expected_limit_scope_sentences(names, {mode}):
         yield f"{text!r} is no scope of a text"
 
 

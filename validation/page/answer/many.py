@@ -135,7 +135,7 @@ def answer_and_store_grid(
     write_csv_rows(home / "table.csv", rows)
     write_json(home / "grid.json", grid._asdict())
     write_text(home / "scene.toml", scene.to_toml())
-    report.write_report_and_finish(folder, command)
+    report.write_report_and_mark_finished(folder, command)
     _print_grid_table(rows, table_columns(rows, keys))
     terminal.print_text(f"  written to {folder}: report.html, {subfolder}/table.csv")
     if len(rows) < len(points):
