@@ -20,7 +20,7 @@ from cablefem.elements.kernels.balance import (
     MassCoupling,
     Mesh,
     assemble_cable,
-    set_mass_damping_stiffness,
+    set_mass_damping_stiffness_bands,
 )
 from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve_factored_in_place
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
@@ -186,7 +186,7 @@ class CableElements(System):
         if self._assembled_at != (t, phase):
             inputs = self._kinematics_and_load(np.array([t]), phase)[0]
             self._instant = Instant(inputs, self._bands, self._mass_coupling_at(t, phase))
-            set_mass_damping_stiffness(self._cable, self._instant)
+            set_mass_damping_stiffness_bands(self._cable, self._instant)
             self._assembled_at = (t, phase)
         self.min_tension_and_position = assemble_cable(self._cable, self._instant, x, r, self._tangent, factors)
 

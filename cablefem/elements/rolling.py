@@ -87,7 +87,7 @@ class RollingElements(RollingCar, FollowingElements):
 
     def _set_residual_and_tangent(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         drive_inputs = self._drive_inputs(np.array(t), phase)
-        self._assemble_with_car(self._kernel_car, drive_inputs, x, r, factors)
+        self._assemble_cable_and_car(self._kernel_car, drive_inputs, x, r, factors)
 
     def solve_steps(self, t: Array, *steps: Any) -> newmark.ManySteps:
         if not self.event_free_range_known:
@@ -121,7 +121,7 @@ class RollingElements(RollingCar, FollowingElements):
 
     @property
     def _event_free_bounds(self) -> Array:
-        """`bounds` of `kernels.car_is_before_event`.
+        """`bounds` of `kernels.car_has_had_no_event`.
 
         A hauled car has a margin: schemes may balance it before the end of the step.
         """
@@ -166,20 +166,20 @@ class RollingElements(RollingCar, FollowingElements):
         inputs = self._drive_inputs(np.array(x.t), x.phase)
         return kernels.forces_on_car(self._cable, self._kernel_car, inputs, self._at_car, np.array(x[1:4]))
 
-    def _assemble_with_car(
+    def _assemble_cable_and_car(
         self, car: kernels.Car, drive_inputs: Array, x: Array, r: Array, factors: Factors = NO_TANGENT
     ) -> kernels.CarBalance:
         """Set r, `min_tension_and_position` and, unless the factors are 0, `_tangent` at x, rows q, v, a."""
         instant = Instant(drive_inputs, self._bands, self._coupling)
         car_on_mesh = kernels.CarOnMesh(car, self._at_car, NO_BOUNDS)
-        balance = kernels.assemble_with_car(self._cable, car_on_mesh, instant, x, r, self._tangent, factors)
+        balance = kernels.assemble_cable_and_car(self._cable, car_on_mesh, instant, x, r, self._tangent, factors)
         self.min_tension_and_position = balance.min_tension, balance.min_at
         return balance
 
     def _car_row(self, car: kernels.Car, drive_inputs: Array, x: State) -> float:
         """Left side of the row of s_o: the force along the cable that the car lacks."""
         r = np.empty(self.n_dof)
-        return self._assemble_with_car(car, drive_inputs, np.array(x[1:4]), r).row
+        return self._assemble_cable_and_car(car, drive_inputs, np.array(x[1:4]), r).row
 
     def at_rest_with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest with the car clamped to it."""

@@ -125,11 +125,11 @@ def set_corrections_from_residuals(march: March) -> None:
     """Set the corrections of all nodes for their residuals."""
     march.da[:] = 0.0
     for mode in literal_unroll(march.with_factors.modes):
-        add_correction_along(mode, march)
+        add_correction_along_mode(mode, march)
 
 
 @inner
-def add_correction_along(mode: Mode, march: Any) -> None:
+def add_correction_along_mode(mode: Mode, march: Any) -> None:
     """Add the corrections along an eigenvector, if there is one."""
     if mode.weights.size == 0:
         return

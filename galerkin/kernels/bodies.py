@@ -125,7 +125,7 @@ def resisting_force(load: complex, friction: Any, wheel: int) -> complex:
 
 
 @inner
-def set_balance_rows(body: Any, x: Any, friction: Any, forces: Any, rows: Any) -> None:
+def set_balance_rows_and_car_forces(body: Any, x: Any, friction: Any, forces: Any, rows: Any) -> None:
     """Set the first of rows (5,) to the balances of a body, zero where they hold, and forces (FORCES,) of a car."""
     at = x[0]
     if body.kind == SADDLE:
@@ -137,11 +137,11 @@ def set_balance_rows(body: Any, x: Any, friction: Any, forces: Any, rows: Any) -
         rows[0] = length(at[0] + at[2], at[1] + at[3]) - body.force - body.mass_of_rise * at[24]
     elif body.kind >= POINT_CAR:
         set_forces_on_car(body, x, forces)
-        set_car_rows(body, x, friction, forces, rows)
+        set_car_rows_from_forces(body, x, friction, forces, rows)
 
 
 @inner
-def set_car_rows(car: Any, x: Any, friction: Any, forces: Any, rows: Any) -> None:
+def set_car_rows_from_forces(car: Any, x: Any, friction: Any, forces: Any, rows: Any) -> None:
     """Set the balances of a car by its forces (FORCES,)."""
     rear = rope_at_wheel(car.rho, x[0])
     rows[0] = forces[2] + forces[0]

@@ -112,7 +112,9 @@ def force_energy_and_tangent(T: Array, static_slope: Array, w_s: Array, alpha: f
 
 
 @inner
-def set_forces_return_energy(points: Points, Q: Array, cable: Cable, force: Array, workspace: Workspace) -> float:
+def set_internal_force_return_energy(
+    points: Points, Q: Array, cable: Cable, force: Array, workspace: Workspace
+) -> float:
     """Set the internal force (2, n), and what `Workspace` holds at Gauss points and of the sides; return int W ds."""
     slope = np.empty((2, points.weights.size))
     energy = 0.0
@@ -140,7 +142,7 @@ def set_forces_return_energy(points: Points, Q: Array, cable: Cable, force: Arra
 
 
 @inner
-def set_cosine_integrals(phi: Array, f: Array, dense: Array, rows: Array, sums: Array, c: Array) -> None:
+def set_cosine_and_hat_integrals(phi: Array, f: Array, dense: Array, rows: Array, sums: Array, c: Array) -> None:
     """Set c_|m| = int f g^2 cos(m x), m = -2N .. 2N, and sums[2] to int f Phi_j' hat'; f (m,) is weighted.
 
     cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x).  rows (3, m) and sums (3, n) are memory.
@@ -180,7 +182,7 @@ def set_stiffness_matrix(phi: Array, weighted_stiffness: Array, grading: float, 
     for i in range(3):
         a = i // 2
         b = (i + 1) // 2
-        set_cosine_integrals(phi, weighted_stiffness[i], dense, rows, sums, c)
+        set_cosine_and_hat_integrals(phi, weighted_stiffness[i], dense, rows, sums, c)
         for j in range(1, N + 1):
             minus = c[2 * N - j :]
             plus = c[2 * N + j :]
@@ -195,7 +197,7 @@ def set_stiffness_matrix(phi: Array, weighted_stiffness: Array, grading: float, 
 
 
 @inner
-def displacement_acceleration_on_path(terms: InertiaTerms, Q: Array, V: Array, A: Array) -> Array:
+def acceleration_along_mass_path(terms: InertiaTerms, Q: Array, V: Array, A: Array) -> Array:
     """w.. at the mass as it travels, (fields,)."""
     out = np.empty(A.shape[0])
     for a in range(out.size):
@@ -228,7 +230,7 @@ def add_inertia_and_mass_force(
 @inner
 def add_inertia_and_gripping_mass(at_mass: MassTerms, coefficients: Coefficients, cable: Cable, R: Array) -> None:
     """Add the cable's inertia and a mass that grips it, or a force, to R (2, n)."""
-    C = displacement_acceleration_on_path(at_mass.inertia, coefficients.Q, coefficients.V, coefficients.A)
+    C = acceleration_along_mass_path(at_mass.inertia, coefficients.Q, coefficients.V, coefficients.A)
     for a in range(2):
         C[a] = cable.inertia * C[a] + cable.mu * at_mass.load[a]
     add_inertia_and_mass_force(at_mass.inertia, coefficients, cable.damping, C, R)

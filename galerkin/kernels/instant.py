@@ -46,7 +46,7 @@ class Instant(NamedTuple):
 
 
 @inner
-def mass_terms(sines: CableSines, kinematics: Kinematics) -> MassTerms:
+def mass_terms_at(sines: CableSines, kinematics: Kinematics) -> MassTerms:
     """`MassTerms` of s_o, ds_o, dds_o; the load of a force alone is its weight."""
     cable = sines.cable
     s_o, ds_o, dds_o = kinematics
@@ -74,7 +74,7 @@ def quadrature_points_at(sines: CableSines, s_o: float) -> Points:
 
 @inner
 def instant_at(sines: CableSines, kinematics: Kinematics) -> Instant:
-    return Instant(quadrature_points_at(sines, kinematics[0]), mass_terms(sines, kinematics))
+    return Instant(quadrature_points_at(sines, kinematics[0]), mass_terms_at(sines, kinematics))
 
 
 @inner

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from galerkin.kernels.bodies import FORCES, RAIL, depth_with_derivatives, set_balance_rows
+from galerkin.kernels.bodies import FORCES, RAIL, depth_with_derivatives, set_balance_rows_and_car_forces
 from galerkin.kernels.dense import set_matrix_product
 from galerkin.law import compiled, inner
 
@@ -235,7 +235,9 @@ def evaluate_line(line: Line, Z: Any, frictions: Any) -> LineValues:
             r[row] = out.rope_rows[shape // 2 % functions, i, shape // (2 * functions), shape % 2]
             row += 1
         for k in range(S + 1):
-            set_balance_rows(line.bodies[k], out.contact_values[i, k:], frictions[i, k], out.forces_on_cars[i, k], rows)
+            set_balance_rows_and_car_forces(
+                line.bodies[k], out.contact_values[i, k:], frictions[i, k], out.forces_on_cars[i, k], rows
+            )
             for j in range(line.bodies[k].balance_count):
                 r[row] = rows[j].real
                 row += 1

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from galerkin.kernels.bodies import depth_with_derivatives, set_balance_rows
+from galerkin.kernels.bodies import depth_with_derivatives, set_balance_rows_and_car_forces
 from galerkin.kernels.dense import set_matrix_product
 from galerkin.kernels.line import (
     VALUES,
@@ -123,7 +123,7 @@ def add_derivatives_of_body(
     for j in range(body.contacts):
         for m in range(VALUES):
             x[j, m] += tiny * 1j
-            set_balance_rows(body, x, friction[k], values.forces_on_cars[0, k], rows)
+            set_balance_rows_and_car_forces(body, x, friction[k], values.forces_on_cars[0, k], rows)
             x[j, m] = x[j, m].real
             for row in range(body.balance_count):
                 by[row, m] = rows[row].imag / tiny

@@ -10,8 +10,8 @@ import numpy as np
 from galerkin.kernels.cable import (
     Array,
     RealTangentFactors,
+    acceleration_along_mass_path,
     add_inertia_and_mass_force,
-    displacement_acceleration_on_path,
 )
 from galerkin.kernels.dense import set_matrix_product
 from galerkin.kernels.instant import (
@@ -21,7 +21,7 @@ from galerkin.kernels.instant import (
     MassTerms,
     kinematics_in_row,
     kinematics_of_free_car,
-    mass_terms,
+    mass_terms_at,
 )
 from galerkin.law import compiled, inner
 
@@ -215,7 +215,7 @@ def car_velocity_acceleration_and_slopes(
     """p., p.. (2,), and r' of both sides (2, 2) by the slopes of the basis."""
     terms = at_mass.inertia
     last = terms.f.size - 1
-    p = displacement_acceleration_on_path(terms, coefficients.Q, coefficients.V, coefficients.A)
+    p = acceleration_along_mass_path(terms, coefficients.Q, coefficients.V, coefficients.A)
     velocity = np.empty(2)
     sides = np.empty((2, 2))
     for a in range(2):
@@ -357,7 +357,7 @@ def defect_derivatives_by_forces(inputs: CarInputs, defect: float) -> Array:
 
 
 @inner
-def set_tangent_row_of_car(
+def set_workspace_tangent_row_of_car(
     now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: RealTangentFactors
 ) -> None:
     """Set the car's row of the tangent, last of `Workspace.K`."""
@@ -404,7 +404,7 @@ def complete_residual_return_car(
 
 
 @inner
-def complete_tangent_with_car(
+def complete_workspace_tangent_with_car(
     now: Instant, ride: Ride, sines: CableSines, workspace: Workspace, car: Car, c: RealTangentFactors
 ) -> None:
     """Set row and column of the car in K of `Workspace`; car : of `complete_residual_return_car`.
@@ -421,7 +421,7 @@ def complete_tangent_with_car(
     if ride.mode == STUCK:
         K[last, last] = c2 * sines.cable.mu
         return
-    set_tangent_row_of_car(now, ride, sines, workspace, car, c)
+    set_workspace_tangent_row_of_car(now, ride, sines, workspace, car, c)
     if ride.mode == HAULED:
         for i in range(n):
             K[i, last] = -c2 * car.tx * at_mass.inertia.f[i]
@@ -430,7 +430,7 @@ def complete_tangent_with_car(
     elif c1 + c2 != 0.0:
         h = STEP / (c1 + c2)
         R = np.zeros((2, n))
-        moved = mass_terms(sines, (at_mass.s_o, at_mass.ds_o + h * c1, at_mass.dds_o + h * c2))
+        moved = mass_terms_at(sines, (at_mass.s_o, at_mass.ds_o + h * c1, at_mass.dds_o + h * c2))
         other = add_inertia_and_car_force_return_car(inputs_of_car(moved, ride, sines, workspace), R)
         K[last, last] = (other.defect - car.defect) / h
         for a in range(2):
@@ -442,7 +442,7 @@ def complete_tangent_with_car(
 def car_by_slopes_without_thrust(loads: CarLoads, sines: CableSines, kinematics: Kinematics, state: Array) -> Car:
     """The car at a state, rows q, v, a, by the slopes of the basis and without thrust."""
     coefficients = coefficients_of_state(state, sines.left.size + 1)
-    at_mass = mass_terms(sines, kinematics)
+    at_mass = mass_terms_at(sines, kinematics)
     velocity, p, slopes = car_velocity_acceleration_and_slopes(at_mass, coefficients, sines.cable.sigma)
     return compiled_car_from_motion(loads, 0.0, velocity, p, slopes)
 

@@ -12,7 +12,7 @@ from galerkin.kernels.cable import (
     Array,
     RealTangentFactors,
     add_inertia_and_gripping_mass,
-    set_forces_return_energy,
+    set_internal_force_return_energy,
     set_tangent_with_gripping_mass,
     smoothed_min_tension_and_position,
 )
@@ -116,17 +116,17 @@ def set_side_forces_and_strain_energies(
     workspace = allocate_workspace(2 * Q.shape[2], sines)
     for i in range(strain.size):
         points = quadrature_points_at(sines, s_o[i])
-        strain[i] = set_forces_return_energy(points, Q[i], sines.cable, workspace.internal, workspace)
+        strain[i] = set_internal_force_return_energy(points, Q[i], sines.cable, workspace.internal, workspace)
         copy_into(workspace.side_forces, side_forces[i])
 
 
 @inner
-def set_residual_return_car(now: Instant, ride: Ride | None, sines: CableSines, workspace: Workspace) -> Car:
+def set_workspace_residual_return_car(now: Instant, ride: Ride | None, sines: CableSines, workspace: Workspace) -> Car:
     """Set r, internal, weighted_stiffness, tensions and side_forces of `Workspace`; return the car if it rolls."""
     n = now.at_mass.inertia.f.size
     R = workspace.r[: 2 * n].reshape(2, n)
     coefficients = rolling.coefficients_of_state(workspace.balanced, n)
-    set_forces_return_energy(now.points, coefficients.Q, sines.cable, R, workspace)
+    set_internal_force_return_energy(now.points, coefficients.Q, sines.cable, R, workspace)
     if ride is None:
         add_inertia_and_gripping_mass(now.at_mass, coefficients, sines.cable, R)
         return rolling.NO_CAR
@@ -144,7 +144,7 @@ def set_residual_and_derivatives(
     workspace = allocate_workspace(state.shape[1], sines)
     now = instant_at(sines, kinematics)
     copy_into(state, workspace.balanced)
-    car = set_residual_return_car(now, ride, sines, workspace)
+    car = set_workspace_residual_return_car(now, ride, sines, workspace)
     copy_into(workspace.r, r)
     for k in range(derivatives.shape[0]):
         c = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
@@ -167,7 +167,7 @@ def set_step_residual_return_instant_car_norm(now: Instant, step: Step) -> tuple
         if not 0.0 < kinematics[0] < 1.0:
             return now, rolling.NO_CAR, math.nan
         now = instant_at(step.sines, kinematics)
-    car = set_residual_return_car(now, step.ride, step.sines, workspace)
+    car = set_workspace_residual_return_car(now, step.ride, step.sines, workspace)
     square = 0.0
     for value in workspace.r:
         square += value * value
@@ -186,11 +186,11 @@ def has_prescribed_position(ride: Ride | None) -> bool:
 def set_workspace_tangent(
     now: Instant, ride: Ride | None, sines: CableSines, workspace: Workspace, car: Car, c: RealTangentFactors
 ) -> None:
-    """Set K of `Workspace`; car : of `set_residual_return_car`."""
+    """Set K of `Workspace`; car : of `set_workspace_residual_return_car`."""
     n = now.at_mass.inertia.f.size
     set_tangent_with_gripping_mass(now, sines, workspace.weighted_stiffness, c, workspace.K[: 2 * n, : 2 * n])
     if ride is not None:
-        rolling.complete_tangent_with_car(now, ride, sines, workspace, car, c)
+        rolling.complete_workspace_tangent_with_car(now, ride, sines, workspace, car, c)
 
 
 @inner

@@ -48,7 +48,7 @@ class Instant(NamedTuple):
 
 
 @compiled
-def set_mass_damping_stiffness(cable: Cable, instant: Instant) -> None:
+def set_mass_damping_stiffness_bands(cable: Cable, instant: Instant) -> None:
     """Set the bands of an instant to M, C and K, README.md, 2; on a fixed mesh C = c_d M and K = 0.
 
     Damping replaces w.. by w.. + c_d w.: dh/dt by dh/dt + c_d h, and dds_o by dds_o + c_d ds_o.
@@ -94,9 +94,9 @@ def assemble_cable(
     r[:] = 0.0
     ab = tangent.ab
     n_fields = instant.coupling.dofs.shape[1]
-    add_linear_force(instant.bands, n_fields, x, r)
+    add_linear_force_to_residual(instant.bands, n_fields, x, r)
     if is_tangent_required(factors):
-        set_linear_tangent(instant.bands, n_fields, ab, factors)
+        set_linear_tangent_band(instant.bands, n_fields, ab, factors)
     min_tension, min_at = add_internal_force_return_min_tension(
         cable, cable.chord, instant.inputs[0], x[0], r, tangent, factors
     )
@@ -110,7 +110,7 @@ def is_tangent_required(factors: Factors) -> bool:
 
 
 @inner
-def add_linear_force(bands: Array, n_fields: int, x: Array, r: Array) -> None:
+def add_linear_force_to_residual(bands: Array, n_fields: int, x: Array, r: Array) -> None:
     """Add M a + C v + K q to r."""
     width, n = bands.shape[1:]
     q = x[0]
@@ -132,7 +132,7 @@ def add_linear_force(bands: Array, n_fields: int, x: Array, r: Array) -> None:
 
 
 @inner
-def set_linear_tangent(bands: Array, n_fields: int, ab: Array, factors: Factors) -> None:
+def set_linear_tangent_band(bands: Array, n_fields: int, ab: Array, factors: Factors) -> None:
     """Set ab to c2 M + c1 C + c0 K."""
     width, n = bands.shape[1:]
     band = ab.shape[1] // 2
@@ -175,9 +175,9 @@ def add_internal_force_return_min_tension(
     """Add the internal force to r, and its tangent, if it is wanted; chord : of `cable`, an argument for numba."""
     if chord is None:
         set_forces_at_points(cable, s_o, q)
-        add_forces_of_points(cable, r)
+        add_point_forces_to_residual(cable, r)
         if factors[0] != 0.0:
-            add_stiffness_of_points(cable, s_o, factors[0], tangent.ab)
+            add_point_stiffness_to_band(cable, s_o, factors[0], tangent.ab)
         return smallest_element_mean_tension(cable, s_o)
     return add_chord_force_return_tension(cable, s_o, q, r, tangent, factors), 0.5  # uniform tension
 
@@ -274,7 +274,7 @@ def smallest_element_mean_tension(cable: Cable, s_o: float) -> MinTension:
 
 
 @inner
-def add_forces_of_points(cable: Cable, r: Array) -> None:
+def add_point_forces_to_residual(cable: Cable, r: Array) -> None:
     """Add int f . phi' ds to r, f at `points` of the full cable."""
     dofs = cable.mesh.dofs
     tab = cable.mesh.tab
@@ -298,8 +298,8 @@ def add_forces_of_points(cable: Cable, r: Array) -> None:
 
 
 @inner
-def add_stiffness_of_points(cable: Cable, s_o: float, c0: float, ab: Array) -> None:
-    """Add c0 times the derivatives of `add_forces_of_points` to ab."""
+def add_point_stiffness_to_band(cable: Cable, s_o: float, c0: float, ab: Array) -> None:
+    """Add c0 times the derivatives of `add_point_forces_to_residual` to ab."""
     dofs = cable.mesh.dofs
     tab = cable.mesh.tab
     n_loc = len(cable.mesh.functions) or dofs.shape[1]

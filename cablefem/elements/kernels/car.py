@@ -21,7 +21,7 @@ from cablefem.elements.kernels.balance import (
     Mesh,
     assemble_cable,
     is_tangent_required,
-    set_mass_damping_stiffness,
+    set_mass_damping_stiffness_bands,
     side_begin_and_length,
     static_slope_and_tension,
 )
@@ -56,7 +56,7 @@ class Car(NamedTuple):
 class CarOnMesh(NamedTuple):
     car: Car
     slopes: Any  # (2, n_loc) shape d/dxi behind and ahead
-    bounds: Any  # see `car_is_before_event`
+    bounds: Any  # see `car_has_had_no_event`
 
 
 class ForcesOnCar(NamedTuple):
@@ -144,7 +144,7 @@ def forces_on_car(cable: Cable, car: Car, drive_inputs: Array, slopes: Array, x:
 
 
 @compiled
-def assemble_with_car(
+def assemble_cable_and_car(
     cable: Cable, rolling_car: CarOnMesh, instant: Instant, x: Array, r: Array, tangent: Tangent, factors: Factors
 ) -> CarBalance:
     """Set the residual of cable and car and, unless the factors are 0, its bordered tangent.
@@ -170,7 +170,7 @@ def assemble_with_car(
     inputs[3] = cx - car.mu * x[2, m]
     inputs[4] = cy - car.mu * x[2, m + 1]
     at_car = Instant(inputs, instant.bands, instant.coupling)
-    set_mass_damping_stiffness(cable, at_car)
+    set_mass_damping_stiffness_bands(cable, at_car)
     min_tension, min_at = assemble_cable(cable, at_car, x, r, tangent, factors)
     if is_tangent_required(factors):
         tangent.border[:] = 0.0
@@ -361,7 +361,7 @@ def add_car_tangent(
 
 
 @inner
-def car_is_before_event(cable: Cable, rolling_car: CarOnMesh | None, drive_inputs: Array, x: Array) -> bool:
+def car_has_had_no_event(cable: Cable, rolling_car: CarOnMesh | None, drive_inputs: Array, x: Array) -> bool:
     """Return whether a car at x has had no event; True without a car.
 
     rolling_car.bounds : (6,) or empty: bounds of s_o, signs of ds_o and of speed (0: any), smallest speed and normal

@@ -14,16 +14,16 @@ from cablefem.elements.kernels.balance import (
     Cable,
     Instant,
     MassCoupling,
-    set_mass_damping_stiffness,
+    set_mass_damping_stiffness_bands,
     side_begin_and_length,
 )
 from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve_factored_in_place
-from cablefem.elements.kernels.car import CarOnMesh, car_is_before_event
+from cablefem.elements.kernels.car import CarOnMesh, car_has_had_no_event
 from cablefem.elements.kernels.newton import NO_TANGENT, assemble_balance
 from cablefem.newmark import Array, Newton, Tableau
 from cablefem.newmark.collocation import SAME_STEP
 from cablefem.newmark.compiled_collocation import (
-    add_correction_along,
+    add_correction_along_mode,
     set_end_state,
     set_node_state_from_accelerations,
     set_weighted_sums,
@@ -52,7 +52,7 @@ class Workspace(NamedTuple):
     parts: Tangent  # dr/dq, dr/dv, dr/da, (3, ...) each
     bands: Any  # (s, 3, 2 b + 1, .)
     kept_step: Any  # (1,) step of the factors, nan: none
-    scales: Any  # (s, n_dof) see `set_row_scales`
+    scales: Any  # (s, n_dof) see `set_row_scales_in_workspace`
     x: Any  # (s, 3, n_dof)
     r: Any  # (s, n_dof)
     da: Any  # (s, n_dof)
@@ -81,14 +81,14 @@ def collocate_until_event(
             set_weighted_sums(steps.extrapolation[k], steps.a[k - 1], steps.a[k])
         step = Step(steps.inputs[k], steps.coupling, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k], rule)
         for i in range(x.shape[0]):
-            if steps.inputs.shape[2] > 3:  # with a car, `assemble_with_car` does this
-                set_mass_damping_stiffness(cable, instant_at_node(step, workspace.bands, i))
+            if steps.inputs.shape[2] > 3:  # with a car, `assemble_cable_and_car` does this
+                set_mass_damping_stiffness_bands(cable, instant_at_node(step, workspace.bands, i))
         result = steps.results[k]
         solve_collocation_step(cable, rolling_car, workspace, step, newton, result)
         if not result[0] <= newton.bound:
             return k
         set_end_state(step, steps.ends[k + 1])
-        if not car_is_before_event(cable, rolling_car, step.inputs[-1], x[-1]):
+        if not car_has_had_no_event(cable, rolling_car, step.inputs[-1], x[-1]):
             return k
         if steps.slack_ends and not result[4] >= 0.0:
             return k + 1
@@ -103,7 +103,7 @@ def instant_at_node(step: Step, bands: Array, i: int) -> Instant:
 
 
 @inner
-def copy_to_part(matrix: Array | None, parts: Array, k: int) -> None:
+def copy_matrix_into_part(matrix: Array | None, parts: Array, k: int) -> None:
     """Copy a matrix, or none, to part k of `Workspace.parts`."""
     if matrix is None:
         return
@@ -140,7 +140,7 @@ def solve_collocation_step(
         limit = math.inf if iterations <= newton.patience else before
         fraction = 1.0
         for _ in range(newton.halvings + 1):
-            subtract_scaled(fraction, workspace.da, step.a)
+            subtract_fraction_in_place(fraction, workspace.da, step.a)
             norm = set_states_and_residuals_return_norm(cable, rolling_car, workspace, step, result)
             if old or norm < limit:
                 break
@@ -149,7 +149,7 @@ def solve_collocation_step(
         if norm <= newton.bound:
             break
         if old and not norm < before:
-            subtract_scaled(-1.0, workspace.da, step.a)
+            subtract_fraction_in_place(-1.0, workspace.da, step.a)
             norm = set_states_and_residuals_return_norm(cable, rolling_car, workspace, step, result)
         elif not old and needs_too_many_corrections(norm, before, iterations, newton):
             break
@@ -195,7 +195,7 @@ def set_states_and_residuals_return_norm(
 
 
 @inner
-def subtract_scaled(fraction: float, da: Array, a: Array) -> None:
+def subtract_fraction_in_place(fraction: float, da: Array, a: Array) -> None:
     """Take a fraction of da from a."""
     for i in range(a.shape[0]):
         x = a[i]
@@ -216,21 +216,21 @@ def assemble_and_factorise_tangents(
     for k in range(3):
         unit = (1.0 if k == 0 else 0.0), (1.0 if k == 1 else 0.0), (1.0 if k == 2 else 0.0)
         assemble_balance(cable, rolling_car, instant, workspace.x[middle], spare, workspace.real, unit)
-        copy_to_part(workspace.real.ab, workspace.parts.ab, k)
-        copy_to_part(workspace.real.border, workspace.parts.border, k)
+        copy_matrix_into_part(workspace.real.ab, workspace.parts.ab, k)
+        copy_matrix_into_part(workspace.real.border, workspace.parts.border, k)
     c1 = step.dt * abs(rule.eigenvalues[0])
-    set_row_scales(cable, rolling_car, workspace, step, c1 * c1, middle)
+    set_row_scales_in_workspace(cable, rolling_car, workspace, step, c1 * c1, middle)
     for k in range(rule.eigenvalues.size):
         c1 = step.dt * rule.eigenvalues[k]
         c0 = c1 * c1
         if c1.imag == 0.0:
-            factorise_combination(c0.real, c1.real, workspace.parts, workspace.real)
+            set_factors_of_combination(c0.real, c1.real, workspace.parts, workspace.real)
         else:
-            factorise_combination(c0, c1, workspace.parts, workspace.complex_pair)
+            set_factors_of_combination(c0, c1, workspace.parts, workspace.complex_pair)
 
 
 @inner
-def factorise_combination(c0: complex, c1: complex, parts: Tangent, tangent: Tangent) -> None:
+def set_factors_of_combination(c0: complex, c1: complex, parts: Tangent, tangent: Tangent) -> None:
     """Set a tangent to the factors of c0 dr/dq + c1 dr/dv + dr/da, the parts."""
     set_weighted_sum_if_wanted(c0, c1, parts.ab, tangent.ab)
     set_weighted_sum_if_wanted(c0, c1, parts.border, tangent.border)
@@ -248,7 +248,7 @@ def set_weighted_sum_if_wanted(c0: complex, c1: complex, parts: Array, out: Arra
 
 
 @inner
-def set_row_scales(
+def set_row_scales_in_workspace(
     cable: Cable, rolling_car: CarOnMesh | None, workspace: Workspace, step: Step, c0: float, middle: int
 ) -> None:
     """Set scales of the rows of each node so that the middle tangent fits its diagonal; with a car they stay 1."""
@@ -286,7 +286,7 @@ class Corrections(NamedTuple):
 
 
 @inner
-def solve_tangent(tangent: Tangent, b: Array) -> None:
+def solve_factored_tangent_in_place(tangent: Tangent, b: Array) -> None:
     """Overwrite b with the solution; tangent : factors."""
     solve_factored_in_place(tangent.ab, tangent.border, b)
 
@@ -298,11 +298,11 @@ def set_corrections_from_residuals(workspace: Workspace, rule: Tableau) -> None:
     for i in range(workspace.r.shape[0]):
         for j in range(workspace.r.shape[1]):
             workspace.r[i, j] *= workspace.scales[i, j]
-    corrections = Corrections(solve_tangent, workspace.r, workspace.da)
+    corrections = Corrections(solve_factored_tangent_in_place, workspace.r, workspace.da)
     for k in range(rule.eigenvalues.size):
         weights = rule.to_modes[k]
         shares = rule.from_modes[:, k]
         if rule.eigenvalues[k].imag == 0.0:
-            add_correction_along(Mode(weights.real, shares.real, workspace.real), corrections)
+            add_correction_along_mode(Mode(weights.real, shares.real, workspace.real), corrections)
         else:
-            add_correction_along(Mode(weights, shares, workspace.complex_pair), corrections)
+            add_correction_along_mode(Mode(weights, shares, workspace.complex_pair), corrections)

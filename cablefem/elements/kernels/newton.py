@@ -13,10 +13,10 @@ from cablefem.elements.kernels.balance import (
     MassCoupling,
     MinTension,
     assemble_cable,
-    set_mass_damping_stiffness,
+    set_mass_damping_stiffness_bands,
 )
 from cablefem.elements.kernels.banded import Tangent, dot, factorise_in_place, solve_factored_in_place
-from cablefem.elements.kernels.car import CarOnMesh, assemble_with_car, car_is_before_event
+from cablefem.elements.kernels.car import CarOnMesh, assemble_cable_and_car, car_has_had_no_event
 from cablefem.newmark import Array, Newton
 
 NO_TANGENT = 0.0, 0.0, 0.0
@@ -56,7 +56,7 @@ def assemble_balance(
     """Set the residual r of the cable, and of its car, and, unless the factors are 0, the tangent."""
     if rolling_car is None:
         return assemble_cable(cable, instant, x, r, tangent, factors)
-    balance = assemble_with_car(cable, rolling_car, instant, x, r, tangent, factors)
+    balance = assemble_cable_and_car(cable, rolling_car, instant, x, r, tangent, factors)
     return balance.min_tension, balance.min_at
 
 
@@ -70,15 +70,15 @@ def solve_newmark_steps(
     for k in range(steps.rules.shape[0]):
         begin = steps.start if k == 0 else steps.ends[k - 1]
         instant = Instant(steps.inputs[k], bands, steps.coupling)
-        if instant.inputs.size > 3:  # with a car, `assemble_with_car` does this
-            set_mass_damping_stiffness(cable, instant)
+        if instant.inputs.size > 3:  # with a car, `assemble_cable_and_car` does this
+            set_mass_damping_stiffness_bands(cable, instant)
         step = Step(begin, steps.ends[k], steps.rules[k], instant)
         result = steps.results[k]
         solve_newmark_step(cable, rolling_car, workspace, step, newton, result)
         norm = result[0]
         min_tension = result[4]
         slack = steps.slack_ends and not min_tension >= 0.0
-        if slack or not (norm <= newton.bound and car_is_before_event(cable, rolling_car, steps.inputs[k], step.end)):
+        if slack or not (norm <= newton.bound and car_has_had_no_event(cable, rolling_car, steps.inputs[k], step.end)):
             return k
     return steps.rules.shape[0]
 
