@@ -164,7 +164,7 @@ def _solve_by_newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
         if not np.isfinite(large):
             break
         fraction = 1.0
-        while not _ordered_and_improved(problem, X + fraction * step, r, near=large < 1e-4):
+        while not _is_ordered_and_improved(problem, X + fraction * step, r, near=large < 1e-4):
             fraction *= 0.5
             if fraction < smallest_factor:  # the residual falls no further
                 raise LineNotConverged("no state of rest was found")
@@ -175,7 +175,7 @@ def _solve_by_newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
     raise LineNotConverged("no state of rest was found")
 
 
-def _ordered_and_improved(problem: _CatenaryProblem, X: np.ndarray, residual_before: np.ndarray, near: bool) -> bool:
+def _is_ordered_and_improved(problem: _CatenaryProblem, X: np.ndarray, residual_before: np.ndarray, near: bool) -> bool:
     """Whether the stations are in order, and the residual is smaller than before or the solution is `near`."""
     s = problem.stations_of_unknowns(X[:, None]).s
     if not np.all(np.diff(s, axis=0) > 0.0):

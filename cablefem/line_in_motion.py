@@ -104,7 +104,7 @@ class LineInMotion(MarchingSystem):
         """Let friction of a free car, and the brakes that begin up to s, act against a slip of this sign."""
         raise NotImplementedError
 
-    def travel_unknown(self, i: int) -> int:
+    def travel_unknown_index(self, i: int) -> int:
         """Number of s of a free car among the unknowns."""
         raise NotImplementedError
 
@@ -140,10 +140,10 @@ class LineInMotion(MarchingSystem):
         in_order = gaps.min(axis=-1, initial=np.inf) > 0.0  # else forces have no meaning
         values = [*np.moveaxis(gaps, -1, 0)]
         for i in self.stops:
-            values.append(np.where(self.sticks(i), np.inf, v[..., self.travel_unknown(i)] * self.slip_sign(i)))
+            values.append(np.where(self.sticks(i), np.inf, v[..., self.travel_unknown_index(i)] * self.slip_sign(i)))
         for i in self.braked:
             behind, ahead = self._brake_positions_around(i)
-            position = q[..., self.travel_unknown(i)]
+            position = q[..., self.travel_unknown_index(i)]
             values += [ahead - position, position - behind]
         values += [np.where(in_order, x, np.inf) for x in (*forces, self.time_when_at_rest(phase) - t)]
         for passage in self.passages:
@@ -157,9 +157,9 @@ class LineInMotion(MarchingSystem):
         return self.slip_sign(i) == 0.0
 
     @property
-    def sticking_unknowns(self) -> list[int]:
+    def sticking_unknown_indices(self) -> list[int]:
         """Numbers among the unknowns of s of cars that friction holds on the rope."""
-        return [self.travel_unknown(i) for i in self.stops if self.sticks(i)]
+        return [self.travel_unknown_index(i) for i in self.stops if self.sticks(i)]
 
     def set_friction_and_forget_event_values(self, i: int, s: float, sign: float) -> None:
         """`set_friction_and_brakes`; events' values that depend on what has changed are forgotten."""
@@ -184,7 +184,7 @@ class LineInMotion(MarchingSystem):
         car = self.car_by_number[i]
         t_standstill, s_standstill = self.standstills[i]
         limit = x.t + time_ahead - t_standstill
-        if abs(x.q.item(self.travel_unknown(i)) - s_standstill) > car.drive.rest_distance:
+        if abs(x.q.item(self.travel_unknown_index(i)) - s_standstill) > car.drive.rest_distance:
             velocity, acceleration = self.car_point_and_rates(car.name, x)[1:, 0].tolist()
             velocity += time_ahead * acceleration
             if velocity * acceleration < 0.0:
@@ -196,7 +196,7 @@ class LineInMotion(MarchingSystem):
     def begin_step(self, x: State) -> None:
         """Keep the direction of friction for one step."""
         for i in self.stops:
-            ds = x.v.item(self.travel_unknown(i))
+            ds = x.v.item(self.travel_unknown_index(i))
             sign = math.copysign(1.0, ds) if abs(ds) > TURNING else self.slip_sign(i)
             self.set_friction_and_forget_event_values(i, self.reached[i], sign)
 
@@ -220,7 +220,7 @@ class LineInMotion(MarchingSystem):
     def _stop_or_slip_on(self, i: int, x: State) -> State:
         """The state after a standstill: friction holds the car, or it slips."""
         self.held_since[i] = x.t
-        s = x.q.item(self.travel_unknown(i))
+        s = x.q.item(self.travel_unknown_index(i))
         if abs(s - self.standstills[i][1]) > self.car_by_number[i].drive.rest_distance:
             self.standstills[i] = x.t, s
         held = self._state_with_slip(i, x, 0.0)
@@ -233,7 +233,7 @@ class LineInMotion(MarchingSystem):
 
     def _state_with_slip(self, i: int, x: State, sign: float) -> State:
         """Set friction against a slip of this sign, for 0 the car sticks; return the state with the car at rest."""
-        row = self.travel_unknown(i)
+        row = self.travel_unknown_index(i)
         self.set_friction_and_forget_event_values(i, self.reached[i], sign)
         v = x.v.copy()
         a = x.a.copy()
@@ -258,7 +258,7 @@ class LineInMotion(MarchingSystem):
                 return self.with_acceleration(x)
         return None
 
-    def system_after(self, event: str, x: State) -> tuple[Any, State] | None:
+    def system_after_event_or_none(self, event: str, x: State) -> tuple[Any, State] | None:
         """The line after a car passes an end of a shoe, and its state; None if another event has ended the run."""
         passages = {str(passage): passage for passage in self.passages}
         return self.system_after_passage(passages[event], x) if event in passages else None

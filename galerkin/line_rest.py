@@ -12,7 +12,7 @@ from cablefem.scene.contacts import Array, Contact, MovingLine
 from cablefem.scene.line import NoLineAtRest
 from cablefem.scene.taut import first_guess
 from galerkin.bodies import Friction
-from galerkin.trolley import rotate
+from galerkin.trolley import vectors_from_turned_axes
 
 if TYPE_CHECKING:
     from galerkin.lines import LineSines
@@ -41,7 +41,7 @@ def coordinates_at_rest(system: LineSines, time_shift: float = 0.0, guess: Array
     if guess is not None:
         return search.solve(guess)
     begin = guess_sagging_chords(system, search.Z)
-    tension = _guess_tension(system, begin)
+    tension = _guess_mean_tension(system, begin)
     for factor in (1.0, 4.0, 0.25):
         try:
             rest = _rest_by_stiffening_rope(search, begin, factor * tension)
@@ -68,7 +68,7 @@ def chord_lengths(line: MovingLine) -> Array:
     return np.asarray(np.hypot(*np.diff(points, axis=0).T))
 
 
-def _guess_tension(system: LineSines, guess: Array) -> float:
+def _guess_mean_tension(system: LineSines, guess: Array) -> float:
     """Mean tension [N] of a taut string with the cars at the points of a guess; StepFailure if none carries them."""
     line = system.line
     x = guess[0, system.layout.x].tolist()
@@ -216,4 +216,4 @@ def _set_car_on_chord(system: LineSines, k: int, chord: Chord, Z: Array) -> None
         Z[0, layout.s[k]] = Z[0, layout.s[front]] - base
         dx, dy = chord.direction
         Z[0, wheel.pitch] = math.atan2(dy, dx)
-        Z[0, wheel.c] = Z[0, wheel.p] - rotate(wheel.arm, Z[0, wheel.pitch, None])
+        Z[0, wheel.c] = Z[0, wheel.p] - vectors_from_turned_axes(wheel.arm, Z[0, wheel.pitch, None])

@@ -136,7 +136,7 @@ class LineSines(LineInMotion):
         values = kernels.evaluate_unknowns(self.equations.line, prescribed, x, self.frictions_at(t))
         for car in self._acting_off_rope:
             car.complete_residuals(car.contact_state(t, values.Z, phase), values.r)
-        for row in self.sticking_unknowns:
+        for row in self.sticking_unknown_indices:
             values.r[:, row] = 0.0
         return values.r
 
@@ -158,7 +158,7 @@ class LineSines(LineInMotion):
             frictions=self.frictions_at(node_times),
         )
         moving = np.ones(self.n_dof, bool)
-        moving[self.sticking_unknowns] = False
+        moving[self.sticking_unknown_indices] = False
         return int(kernels.take_steps_while_factors_serve(line, moving, march))
 
     def _residual_and_derivatives(self, x: State) -> tuple[Array, Array]:
@@ -170,7 +170,7 @@ class LineSines(LineInMotion):
             car.complete_residuals(state, values.r)
             car.complete_derivatives(state, K)
         r = values.r[0]
-        for row in self.sticking_unknowns:  # s.. = 0, exactly: its column has no part in the rest
+        for row in self.sticking_unknown_indices:  # s.. = 0, exactly: its column has no part in the rest
             r[row] = 0.0
             K[:, row] = K[:, :, row] = 0.0
             K[2, row, row] = 1.0
@@ -252,7 +252,7 @@ class LineSines(LineInMotion):
         if drive.has_friction_or_brakes and abs(needed) <= available:
             raise StepFailure(0.0, f"friction or brakes hold {body.car.name} where it begins", "begin on steeper rope")
 
-    def travel_unknown(self, i: int) -> int:
+    def travel_unknown_index(self, i: int) -> int:
         coordinate = self.layout.s[self.travel_contact[i]]
         return int(np.flatnonzero(self.equations.free == coordinate)[0])
 

@@ -43,7 +43,7 @@ def segment_function_tables(terms: int) -> kernels.Tables:
     )  # fmt: skip
 
 
-def means_over_shortest_waves(tables: kernels.Tables, terms: int) -> Array:
+def weights_of_means_over_shortest_waves(tables: kernels.Tables, terms: int) -> Array:
     """Weights (P, G) of means over equal pieces of a segment, about as long as the shortest wave of its sines."""
     pieces = max(1, terms // 2)
     within = np.arange(pieces)[:, None] == np.floor(pieces * tables.points)
@@ -65,7 +65,7 @@ class Layout:
         self.contacts = len(contacts)
         self.segments = self.contacts - 1
         self.tables = segment_function_tables(terms)
-        self.means = means_over_shortest_waves(self.tables, terms)
+        self.means = weights_of_means_over_shortest_waves(self.tables, terms)
         self.functions = terms + 2  # without those of the ends
         self.inner = 2 * self.functions * self.segments
         of_contacts = self.inner + np.arange(7 * self.contacts).reshape(-1, 7)

@@ -20,7 +20,7 @@ from galerkin.bodies import CarBody, ContactState, dot
 Pair = tuple[float, float]
 
 
-def rotate(components: Pair, angle: Array) -> Array:
+def vectors_from_turned_axes(components: Pair, angle: Array) -> Array:
     """The vectors (..., 2) with these components along e1 and e2; angle (..., 1)."""
     cos = np.cos(angle)
     sin = np.sin(angle)
@@ -84,6 +84,6 @@ class Trolley(CarBody):
     def drag_drive_and_swing_powers(self, x: ContactState) -> dict[str, Array]:
         if self.car.drive_mode_or_haul_x == "grip":
             return {}
-        direction = rotate(self.thrust_axes, x.angle)
+        direction = vectors_from_turned_axes(self.thrust_axes, x.angle)
         speed = dot(direction, x.dc) + self.lever * x.dangle[..., 0]  # of where F acts
         return {"drag": self.drag_power(x), self.driven: x.F * speed}

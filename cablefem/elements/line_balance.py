@@ -92,7 +92,7 @@ class LineBalance(LineCoordinates):
         return Kernel(self)
 
     @property
-    def sticking_unknowns(self) -> list[int]:
+    def sticking_unknown_indices(self) -> list[int]:
         """Numbers among the unknowns of s of cars that stick to the rope."""
         return []
 
@@ -112,7 +112,7 @@ class LineBalance(LineCoordinates):
     def residual(self, t: Any, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.all_coordinates_from_unknowns(t, q, v, a, phase)
         rows = self.balance_rows_storing_loads(t, x, phase)[..., self._unknown]
-        rows[..., self.sticking_unknowns] = 0.0  # needs none, its s.. stays 0
+        rows[..., self.sticking_unknown_indices] = 0.0  # needs none, its s.. stays 0
         return rows
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
@@ -137,7 +137,7 @@ class LineBalance(LineCoordinates):
         z = np.reshape(x, (3, -1, self.size))
         rows, self.loads = self._kernel.rows_and_loads(z, law, cars)
         for car in self.acting_off_rope:
-            car.add_rows(rows, np.ravel(t), z, phase)
+            car.add_to_rows(rows, np.ravel(t), z, phase)
         return rows.reshape(x.q.shape)
 
     def slopes_and_motion_at_cars(self, x: Coordinates) -> Array:
@@ -186,7 +186,7 @@ class LineBalance(LineCoordinates):
     def moving_coordinates(self) -> Mask:
         """Which coordinates are unknown, and not of a car that sticks."""
         moving = self.free.copy()
-        moving[self._unknown[self.sticking_unknowns]] = False
+        moving[self._unknown[self.sticking_unknown_indices]] = False
         return moving
 
     def rest_solver(self, x: Coordinates, law: Array, cars: CarLoadsAndMasses, free: Mask) -> CoordinateSolve:

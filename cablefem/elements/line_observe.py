@@ -310,10 +310,10 @@ def _point_car_powers(x: _History, i: int, cars: _CarsInMotion, motion: CarMotio
     }
     if motion.turning is not None:
         powers["swing"] = -data.resistance[i] * motion.turning.rate**2
-    return _powers_of_drive(x.system.line.cars_on_rope[i], powers)
+    return _only_powers_of_drive(x.system.line.cars_on_rope[i], powers)
 
 
-def _powers_of_drive(car: Car, powers: Powers) -> Powers:
+def _only_powers_of_drive(car: Car, powers: Powers) -> Powers:
     """Those of the powers that a car has by its drive."""
     return {force: powers[force] for force in FORCES_OF_DRIVE[car.drive.mode] if force in powers}
 
@@ -396,7 +396,7 @@ def _trolley_motion_and_powers(x: _History, trolley: Trolley, data: CarLoadsAndM
         "thrust": forces.body.thrust,
         "hold": forces.hold * front.ds,
     }
-    return motion, _powers_of_drive(car, powers)
+    return motion, _only_powers_of_drive(car, powers)
 
 
 def _wheel_motion(x: _History, name: str, k: int, load: Array, slopes: Sequence[Array]) -> WheelMotion:

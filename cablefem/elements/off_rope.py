@@ -49,7 +49,7 @@ class CarOnShoeOffRope:
             y[:, 0, 9:12] = z[..., self.swing].T
         return forces_on_cars(self.data, y)
 
-    def add_rows(self, rows: Array, t: Array, z: Array, phase: int) -> None:
+    def add_to_rows(self, rows: Array, t: Array, z: Array, phase: int) -> None:
         """Add to rows (n, size) at the times t (n,)."""
         on = self.forces(self.points_with_rates(t, z, phase), z)
         if self.grips:

@@ -109,7 +109,7 @@ class LineElements(LineInMotion, LineBalance):
     def slip_sign(self, i: int) -> float:
         return float(self.signs[i])
 
-    def travel_unknown(self, i: int) -> int:
+    def travel_unknown_index(self, i: int) -> int:
         return int(np.searchsorted(self._unknown, self.slot_of_s(i)))
 
     def set_friction_and_brakes(self, i: int, s: float, sign: float) -> None:

@@ -345,7 +345,7 @@ class Scene(Described):
     def _motion(self) -> Motion | None:
         if self.travel is None:
             return None
-        begin, distance = _start_and_distance(self.travel, self.drive, self.length)
+        begin, distance = _travel_start_and_distance(self.travel, self.drive, self.length)
         motion = self.travel.motion(distance, begin)
         if self.drive.mode != "haul":
             return motion
@@ -434,7 +434,7 @@ def _mass_or_travel_faults(mode: DriveMode, present: list[str]) -> list[str]:
 
 def _travel_fault(travel: Any, drive: Driving, length: float, axial_speed: float) -> str:
     """What is wrong with a travel on a cable with this length [m] and axial wave speed [m/s]; empty if nothing is."""
-    begin, distance = _start_and_distance(travel, drive, length)
+    begin, distance = _travel_start_and_distance(travel, drive, length)
     near = NEAREST_START * length
     end = begin + distance
     if travel.position is not None:
@@ -456,7 +456,7 @@ def _travel_fault(travel: Any, drive: Driving, length: float, axial_speed: float
     return ""
 
 
-def _start_and_distance(travel: Any, drive: Driving, length: float) -> tuple[float, float]:
+def _travel_start_and_distance(travel: Any, drive: Driving, length: float) -> tuple[float, float]:
     """Where the travel begins and the distance of its law, both [m]."""
     begin = 0.0
     end = length

@@ -26,7 +26,7 @@ class LineInSteps(NamedTuple):
 @compiled
 def take_steps_while_factors_serve(line: LineInSteps, moving: Any, steps: StepsWithFactors) -> int:
     """See `march_while_factors_serve`; moving (n_dof,): whether an unknown is of no car that sticks."""
-    return march_while_factors_serve(set_residuals, solve, line, np.arange(moving.size), moving, steps)
+    return march_while_factors_serve(set_residuals, solve_in_place, line, np.arange(moving.size), moving, steps)
 
 
 @inner
@@ -39,7 +39,7 @@ def set_residuals(line: LineInSteps, k: int, x: Any, r: Any) -> None:
 
 
 @inner
-def solve(inverse: BlockInverse, b: Any) -> None:
+def solve_in_place(inverse: BlockInverse, b: Any) -> None:
     """Overwrite b (n_dof,) with the solution."""
     edges = inverse.edges
     blocks = inverse.blocks

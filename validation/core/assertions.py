@@ -56,7 +56,7 @@ def assert_agree(
     refuse_out_of_range("path", path, 0.0, 1.0)
     if tension is not None:
         refuse_out_of_range("tension", tension, 0.0, 1.0)
-    window = None if window is None else _two_rising_numbers(window)
+    window = None if window is None else _window_or_raise(window)
     try:
         rows = _compare_answers(a, b, AllowedGaps(path, tension), window)
     except NotComparable as reason:
@@ -68,7 +68,7 @@ def assert_agree(
     return rows
 
 
-def _two_rising_numbers(window: Any) -> Window:
+def _window_or_raise(window: Any) -> Window:
     """The window; ValueError for what is no two rising numbers."""
     try:
         start, end = map(float, window)

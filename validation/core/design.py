@@ -176,11 +176,11 @@ def _car_sag_tracks(r: Response) -> list[Track]:
     return [Track(r.t, r.y - chord, r.s_o)]
 
 
-def _numbers_for_limits(scene: Scene) -> Iterator[Number]:
+def _design_numbers_for_limits(scene: Scene) -> Iterator[Number]:
     """Numbers that only limits need: largest sag at the car at rest, extremes of the timetable."""
     asked = demands_of_limits(scene)
     if "sag_growth" in asked:
-        yield _number_of_sag_at_rest(scene)
+        yield _design_number_of_sag_at_rest(scene)
     if scene.travel is None or scene.travel.kind == "table":
         return
     rates = _accelerations_of_timetable(scene)
@@ -189,7 +189,7 @@ def _numbers_for_limits(scene: Scene) -> Iterator[Number]:
             yield _design_row(f"{demand}_max", max(0.0, *(sign * rate for rate in rates)), 0.0, "m/s2")
 
 
-def _number_of_sag_at_rest(scene: Scene) -> Number:
+def _design_number_of_sag_at_rest(scene: Scene) -> Number:
     """The largest depth below the chord of a car that hangs at rest, over all its positions."""
     from validation.core.quasi_static import Statics  # splines are slow to load
 
@@ -241,14 +241,14 @@ def design_numbers(ladder_or_run: Ladder | Response, counterpart: Ladder | None 
     other = None if counterpart is None else counterpart.finest
     scene = _scene_of_toml(r.scene_toml)
     signals = signals_over_common_time(r, other).values()
-    extremes = [_number_of_extreme(signal, ladder) for signal in signals]
+    extremes = [_design_number_of_extreme(signal, ladder) for signal in signals]
     numbers = [number for number in extremes if number is not None]
     numbers = _with_top_speed_of_timetable(scene, numbers)
     numbers += _safety_factor_numbers(scene, numbers)
     if scene.wind_tilt is not None:
         numbers.append(_design_row("wind_tilt", scene.wind_tilt, 0.0, "deg"))
-    numbers += _numbers_for_limits(scene)
-    slack_onset = _slack_onset_number(ladder, other)
+    numbers += _design_numbers_for_limits(scene)
+    slack_onset = _slack_onset_design_number(ladder, other)
     return numbers if slack_onset is None else [*numbers, slack_onset]
 
 
@@ -304,7 +304,7 @@ def design_gap_rows(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreemen
         yield Agreement("design gap", gap / size, bound, law=number["quantity"], required=tolerance, decides=False)
 
 
-def _number_of_extreme(signal: Signal, ladder: Ladder) -> Number | None:
+def _design_number_of_extreme(signal: Signal, ladder: Ladder) -> Number | None:
     """The extreme of a signal, a force with its peak; None: there is none inside the range.
 
     Of a clearance without samples the row of an unknown value.
@@ -461,7 +461,7 @@ def _is_at_boundary(extreme: _Extreme, r: Response, time_span: tuple[float, floa
     return bool(at_end_of_time or not 0.0 < extreme.s < r.length)
 
 
-def _slack_onset_number(ladder: Ladder, other: Response | None) -> Number | None:
+def _slack_onset_design_number(ladder: Ladder, other: Response | None) -> Number | None:
     """Where slack begins, if before waves are slower than the mass in either run: no bar holds from there on."""
     r = ladder.finest
     onset = slack_onset_before_far_support(r)

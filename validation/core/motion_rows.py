@@ -502,12 +502,12 @@ def design_with_bars(
     rows: list[dict[str, Any]] = []
     for name, (value, t) in numbers.items():
 
-        def number_of_run(moved: LineRun, name: str = name) -> float:
+        def value_of_run(moved: LineRun, name: str = name) -> float:
             return known[id(moved)].get(name, (math.nan, 0.0))[0]
 
-        bar = a.bar(number_of_run)
+        bar = a.bar(value_of_run)
         if b is not None:
-            bar = max(bar, abs(value - number_of_run(b.finest)))
+            bar = max(bar, abs(value - value_of_run(b.finest)))
         bar += by_hand.get(name, 0.0)
         row = {"quantity": name, "value": value, "bar": bar if math.isfinite(bar) else None, "unit": unit_of(name)}
         car = name.partition(":")[2].partition(".")[0]

@@ -78,12 +78,12 @@ class Kernel:
     def _line(self, law: Array, cars: CarLoadsAndMasses) -> contacts.Line:
         """All that touches the rope under a law (3, K, G)."""
         if cars is not self._known[0]:
-            self._known = cars, self._car_data(cars)
+            self._known = cars, self._car_data_on_one_and_two_contacts(cars)
         return contacts.Line(
             self.rope, law, self.points, self.supports, self.trolleys, self.rails, self.force_rows, *self._known[1]
         )
 
-    def _car_data(self, cars: CarLoadsAndMasses) -> tuple[Array, Array]:
+    def _car_data_on_one_and_two_contacts(self, cars: CarLoadsAndMasses) -> tuple[Array, Array]:
         """Data of cars on one contact, and of those on two."""
         shape = (cars.thrust + cars.hold).shape
         data = np.empty((*shape, len(cars)))

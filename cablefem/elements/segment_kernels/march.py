@@ -28,7 +28,7 @@ class System(NamedTuple):
 @compiled
 def take_steps_while_factors_serve(system: System, moving: NDArray[np.bool_], steps: StepsWithFactors) -> int:
     """See `march_while_factors_serve`; moving (size,): whether a slot is one of an unknown, of no car that sticks."""
-    return march_while_factors_serve(set_residuals, solve, system, system.slots, moving, steps)
+    return march_while_factors_serve(set_residuals, solve_in_place, system, system.slots, moving, steps)
 
 
 @inner
@@ -47,7 +47,7 @@ def set_residuals(system: System, k: int, x: Array, r: Array) -> None:
 
 
 @inner
-def solve(of_unknowns: CoordinateSolve, b: Array) -> None:
+def solve_in_place(of_unknowns: CoordinateSolve, b: Array) -> None:
     """Overwrite b (size,) with the solution for all coordinates."""
     solve_bordered_in_place(of_unknowns.factors, b)
 

@@ -90,11 +90,11 @@ def _point_mass_rows(line: Line, bodies: LineRuns, body_run: LineRun, allowed: _
         if table.wheels is not None:
             # the pitch is slowest where the rope is least taut
             period = approximate_pitch_period(table.wheels, table.mass, float(np.min(point.tension_ahead)))
-            formulas = _point_errors_of_wheels(table.wheels, table.mass, line.gravity, point_run.motion.t, point)
+            formulas = _errors_without_two_wheels(table.wheels, table.mass, line.gravity, point_run.motion.t, point)
         else:
             assert table.hanger is not None
             period = _swing_period(table.hanger, line.gravity)
-            formulas["haul force"] = _haul_force_error_of_cabin(table.hanger, point, ramp, period)
+            formulas["haul force"] = _haul_force_error_without_cabin(table.hanger, point, ramp, period)
         periods.append({"car": car.name, "period": period, "ramp": ramp, "short": period <= short * ramp})
         for need, distance in _max_distances_by_need(body_run, body, point_run, point).items():
             rows.append(allowed.row(car.name, need, distance, formulas.get(need)))
@@ -133,7 +133,7 @@ def _swing_period(hanger: Hanger, gravity: float) -> float:
     return 2.0 * math.pi * math.sqrt(inertia_per_mass / (gravity * h))
 
 
-def _point_errors_of_wheels(
+def _errors_without_two_wheels(
     wheels: Wheels, mass: float, gravity: float, t: Array, motion: CarMotion
 ) -> dict[str, float]:  # fmt: skip
     """By need, what a point misses of two wheels: m g cos(beta) b/(4 N) [m] of the path, loads of wheels [N]."""
@@ -143,7 +143,7 @@ def _point_errors_of_wheels(
     return {"path": path, "haul force": 0.0, "wheel_rear": load, "wheel_front": load}
 
 
-def _haul_force_error_of_cabin(hanger: Hanger, motion: CarMotion, ramp: float, period: float) -> float:
+def _haul_force_error_without_cabin(hanger: Hanger, motion: CarMotion, ramp: float, period: float) -> float:
     """2 m a |sin(w t/2)| [N], what a point misses of a cabin that swings after a stop of t = ramp."""
     largest = float(np.max(np.linalg.norm(motion.acceleration, axis=1)))
     swings = abs(math.sin(math.pi * ramp / period)) if math.isfinite(ramp) else 0.0

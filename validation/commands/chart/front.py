@@ -62,10 +62,10 @@ def _fastest_series_row(rows_by_series: dict[str, list[Row]], error: float, quan
         seconds = seconds_at_error(rows, error, quantity)
         if seconds is not None and seconds < (out["seconds"] or math.inf):
             out |= {"series": name, "seconds": seconds}
-    return out | {"cut": any(map(cut_by_budget, rows_by_series.values()))}
+    return out | {"cut": any(map(was_cut_by_budget, rows_by_series.values()))}
 
 
-def cut_by_budget(rows: list[Row]) -> bool:
+def was_cut_by_budget(rows: list[Row]) -> bool:
     """Whether the budget ended before the ladder of settings did."""
     return any(r["status"] == "not run" for r in rows)
 
@@ -77,7 +77,7 @@ def _peer_seconds_row(rows: list[Row], error: float, ours: float | None) -> Row:
         return {"seconds": seconds, "ratio": None if ours is None else seconds / ours, "reason": None}
     errors = [r["path_error"] for r in rows if r["path_error"] is not None]
     if errors:
-        how = "within the time it was given" if cut_by_budget(rows) else "at best"
+        how = "within the time it was given" if was_cut_by_budget(rows) else "at best"
         reason = f"comes to {100.0 * min(errors):.2g} % {how}"
     else:
         reason = f"not measured: {rows[0]['reason']}"

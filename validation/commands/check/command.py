@@ -54,7 +54,7 @@ def command(
         from validation.commands.check import lines
 
         lines.refuse_before_check(points, second_line, self_test)
-        code, results = lines.check_lines(points, tol, tol_tension, out, second_line, require)
+        code, results = lines.check_write_and_print_lines(points, tol, tol_tension, out, second_line, require)
         seen = lines.print_sensitivity_and_run_self_test(
             points[0].scene, results, tol, tol_tension, sensitive, self_test
         )
@@ -71,7 +71,7 @@ def command(
     if len(points) > 1:
         if other is not None:
             raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
-        return spans.check_grid(loaded, points, out, require, **asked)
+        return spans.check_and_write_grid(loaded, points, out, require, **asked)
     loaded = points[0].scene
     third = None if other is None else (spans.read_vetted_path(other, loaded), with_tol)
     asked |= {"deep": deep, "second": _scene_of_second_solver(loaded, second, second_set)}

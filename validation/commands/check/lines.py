@@ -20,7 +20,7 @@ def refuse_before_check(points: list[GridPoint], second: Line | None, self_test:
         raise store.Refused("--self-test: plants its fault in the mass of a car; must have one")
 
 
-def check_lines(
+def check_write_and_print_lines(
     points: list[GridPoint], tol: float | None, tol_tension: float | None, out: Path | None, second: Line | None,
     require: bool,
 ) -> tuple[int, list[Any]]:  # fmt: skip
@@ -51,7 +51,7 @@ def print_sensitivity_and_run_self_test(
         return True
     tol = module.TOL if tol is None else tol
     faulty = selftest.check_with_mass_fault(module.check_line, line, tol, tol_tension)
-    return selftest.fault_is_seen(faulty.verdict, faulty.methods[1], tol)
+    return selftest.print_whether_fault_is_seen(faulty.verdict, faulty.methods[1], tol)
 
 
 def _checking_module(line: Line) -> Any:

@@ -40,7 +40,7 @@ def check_with_mass_fault(check_line: Callable[..., Any], line: Line, tol: float
     return check_line(line, tol, tol_tension, line.replace({f"car.{line.car[0].name}.mass": FAULT["mass.mass"]}))
 
 
-def fault_is_seen(verdict: Verdict, method: str, tol: float) -> bool:
+def print_whether_fault_is_seen(verdict: Verdict, method: str, tol: float) -> bool:
     """Whether the self-test sees its fault, which is printed; method : of the second solver."""
     seen = verdict is Verdict.DISAGREE
     missed = f"NOT seen ({verdict.value}); at --tol {tol:g} this check would miss such a fault"

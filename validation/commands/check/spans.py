@@ -77,11 +77,11 @@ def print_and_verify_check(
     unmet = require and limits.any_limit_not_surely_met(result.limits)
     sound = result.verdict.value == "agree" and not (result.doubts or wrong or unmet)
     if self_test:
-        sound &= selftest.fault_is_seen(selftest.verdict_with_mass_fault(result), b, result.tol)
+        sound &= selftest.print_whether_fault_is_seen(selftest.verdict_with_mass_fault(result), b, result.tol)
     return broken or int(not sound)
 
 
-def check_grid(scene: Scene, points: list[GridPoint], out: Path | None, require: bool, **asked: Any) -> int:
+def check_and_write_grid(scene: Scene, points: list[GridPoint], out: Path | None, require: bool, **asked: Any) -> int:
     """Check every scene of a grid and write its table; return the exit code: 1 unless all agree."""
     from validation.page.answer import many
 

@@ -69,5 +69,5 @@ def _car_depths_at_positions(run: Any) -> Array:
     return np.interp(POSITIONS, x, y)
 
 
-def _value_with_bar(ladder: Ladder, number_of_run: Callable[[Any], float]) -> Row:
-    return {"value": number_of_run(ladder.finest), "bar": ladder.bar(number_of_run)}
+def _value_with_bar(ladder: Ladder, value_of_run: Callable[[Any], float]) -> Row:
+    return {"value": value_of_run(ladder.finest), "bar": ladder.bar(value_of_run)}

@@ -35,10 +35,10 @@ class Reference:
     ladder: Ladder
     cross: Response
 
-    def cross_checked_bar(self, number_of_run: Callable[[Response], float]) -> float:
+    def cross_checked_bar(self, value_of_run: Callable[[Response], float]) -> float:
         """Bar of a number, at least the distance to the other solver."""
-        distance = abs(number_of_run(self.ladder.finest) - number_of_run(self.cross))
-        return max(float(self.ladder.bar(number_of_run)), distance)
+        distance = abs(value_of_run(self.ladder.finest) - value_of_run(self.cross))
+        return max(float(self.ladder.bar(value_of_run)), distance)
 
     @property
     def cross_checked_path_bar(self) -> float:

@@ -68,7 +68,7 @@ def command(
         return study.run_with_design_numbers(point.scene, chosen, tol=tol, bars=bars, progress=progress, **how)
 
     if len(points) > 1:
-        return study.answer_grid(loaded, points, answer_at, out, require)
+        return study.answer_and_store_run_grid(loaded, points, answer_at, out, require)
     return _run_and_report(points[0], QUASI_STATIC if chosen is None else method, answer_at, out, require)
 
 

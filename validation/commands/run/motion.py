@@ -376,7 +376,7 @@ class LineRuns:
             append_marched_states(states, system, scheme(self.method.scheme), steps, work, self.cut_at)
             following = None
             if work.events and states[-1].t < self.line.t_end:
-                following = system.system_after(work.events[-1].name, states[-1])
+                following = system.system_after_event_or_none(work.events[-1].name, states[-1])
         except StepFailure as error:
             if len(states) < 2 and start is None:
                 raise store.Refused(f"{self.method.name}: {error}") from None

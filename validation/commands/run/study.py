@@ -141,7 +141,7 @@ def run_with_bars(
     return run_with_design_numbers(scene, solver, tol=tol, bars=bars, progress=no_progress, **how).response
 
 
-def answer_grid(
+def answer_and_store_run_grid(
     scene: Scene,
     points: Sequence[GridPoint],
     answer_at: Callable[..., AnsweredRun],

@@ -23,7 +23,7 @@ def with_added_positions(line: Line) -> Line:
 
 def _with_positions_over_tops(line: Line) -> Line:
     """The line with a position for each top that a car passes between two, the other cars in proportion."""
-    tops = _tops_below(line)
+    tops = _x_of_obstacles_and_ground_tops(line)
     given = np.array([[line.position_of(car, i) for car in line.car] for i in range(line.position_count)])  # (n, cars)
     positions = [given[0]]
     for before, after in itertools.pairwise(given):
@@ -40,7 +40,7 @@ def _with_positions_over_tops(line: Line) -> Line:
     return line.replace({f"car.{car.name}.at": x for car, x in zip(line.car, x_by_car, strict=True)})
 
 
-def _tops_below(line: Line) -> list[float]:
+def _x_of_obstacles_and_ground_tops(line: Line) -> list[float]:
     """x [m] of obstacles, and of the ends of the ground and its corners that rise above their neighbours' chord."""
     tops = [o.at for o in line.obstacle]
     if line.ground:
@@ -107,4 +107,4 @@ def _positions_to_try_first(line: Line) -> Iterator[float]:
         yield from np.linspace(a + (left.shoe or gap) + gap, b - (right.shoe or gap) - gap, count).tolist()
         if left.shoe is not None:
             yield from (a - left.shoe, a, a + left.shoe)
-    yield from (x for x in _tops_below(line) if low < x < high)
+    yield from (x for x in _x_of_obstacles_and_ground_tops(line) if low < x < high)

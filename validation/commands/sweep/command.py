@@ -104,11 +104,11 @@ def _print_outcomes(rows: Any, *, checked: bool) -> int:
     """
     from validation.commands.sweep.job import reason_on_one_line
 
-    terminal.print_text(_counts(rows["status"]))
+    terminal.print_text(_word_counts_text(rows["status"]))
     sound = rows["fault"].isna() | (rows["fault"] == "none")
     for part, words in ((rows[sound], ""), (rows[~sound], "with a planted fault: ")):
         if part["verdict"].notna().any():
-            terminal.print_text(f"{words}{_counts(part['verdict'])}")
+            terminal.print_text(f"{words}{_word_counts_text(part['verdict'])}")
     unanswered = rows[~rows["status"].isin(("complete", "incomplete"))]
     for index, first in unanswered.head(1).iterrows():
         terminal.print_text(f"scene {index}, {first['status']}: {reason_on_one_line(first['status'], first['reason'])}")
@@ -119,6 +119,6 @@ def _print_outcomes(rows: Any, *, checked: bool) -> int:
     return int((unanswered["status"] != "refused").any() or differ)
 
 
-def _counts(words: Any) -> str:
+def _word_counts_text(words: Any) -> str:
     """How often each word occurs, most frequent first."""
     return ", ".join(f"{n} {word}" for word, n in words.value_counts().items())
