@@ -223,15 +223,15 @@ class LineInMotion(MarchingSystem):
         s = x.q.item(self.travel_unknown_index(i))
         if abs(s - self.standstills[i][1]) > self.car_by_number[i].drive.rest_distance:
             self.standstills[i] = x.t, s
-        held = self._state_with_slip(i, x, 0.0)
+        held = self._set_friction_return_state_at_rest(i, x, 0.0)
         margin = self.event_values(held)[self.events.index(f"{self.car_by_number[i].name} breaks loose")]
         return held if margin > 0.0 else self._start_slipping(i, held)
 
     def _start_slipping(self, i: int, x: State) -> State:
         """The state in which a car that sticks gives way to what pulls it."""
-        return self._state_with_slip(i, x, -math.copysign(1.0, self.holding_force(i, x)))
+        return self._set_friction_return_state_at_rest(i, x, -math.copysign(1.0, self.holding_force(i, x)))
 
-    def _state_with_slip(self, i: int, x: State, sign: float) -> State:
+    def _set_friction_return_state_at_rest(self, i: int, x: State, sign: float) -> State:
         """Set friction against a slip of this sign, for 0 the car sticks; return the state with the car at rest."""
         row = self.travel_unknown_index(i)
         self.set_friction_and_forget_event_values(i, self.reached[i], sign)

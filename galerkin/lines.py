@@ -133,7 +133,7 @@ class LineSines(LineInMotion):
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = np.stack([q, v, a], axis=1)
         prescribed = self.prescribed_coordinates(t, phase)
-        values = kernels.evaluate_unknowns(self.equations.line, prescribed, x, self.frictions_at(t))
+        values = kernels.evaluate_line_with_unknowns(self.equations.line, prescribed, x, self.frictions_at(t))
         for car in self._acting_off_rope:
             car.complete_residuals(car.contact_state(t, values.Z, phase), values.r)
         for row in self.sticking_unknown_indices:

@@ -38,7 +38,7 @@ from cablefem.newmark import (
     TangentFactors,
     collocate_first_step,
     consistent_acceleration,
-    newmark_step,
+    take_newmark_step,
 )
 from cablefem.scene import Groups
 
@@ -112,7 +112,7 @@ class FixedElements(CableElements):
 
     def solve_step(self, *step: Any) -> StepResult:
         if self.particle:  # not compiled
-            return newmark_step(self, *step)
+            return take_newmark_step(self, *step)
         return super().solve_step(*step)
 
     def collocate_steps(self, *step: Any) -> Iterator[StepResult]:

@@ -28,6 +28,6 @@ from cablefem.newmark.system import (
     System,
     TangentFactors,
     consistent_acceleration,
-    newmark_step,
+    take_newmark_step,
 )
 from cablefem.newmark.tableau import Tableau, interpolate_hermite, state_inside_step, with_states_inside_steps

@@ -77,7 +77,7 @@ class System(Protocol):
         rule : (3, 5) predictor (3, 3), corrector c, balance w: end_out = predictor start - c da with
             |r(t, w end_out + (1 - w) start)| <= newton.bound.
         """
-        return newmark_step(self, t, phase, start, end_out, rule, newton)
+        return take_newmark_step(self, t, phase, start, end_out, rule, newton)
 
     def solve_steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> ManySteps:
         """Take many steps, up to one that fails or may hold an event.
@@ -124,7 +124,7 @@ class System(Protocol):
         return x
 
 
-def newmark_step(
+def take_newmark_step(
     system: System, t: float, phase: int, start: Array, end_out: Array, rule: Array, newton: Newton
 ) -> StepResult:
     """Take one step of Newmark's family by `residual` and `linearise`, see `System.solve_step`."""

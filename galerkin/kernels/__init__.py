@@ -29,7 +29,7 @@ from galerkin.kernels.line import (
     LineValues,
     Tables,
     evaluate_line,
-    evaluate_unknowns,
+    evaluate_line_with_unknowns,
     set_dependent_coordinates,
     set_points_and_tensions,
 )

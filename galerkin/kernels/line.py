@@ -245,7 +245,7 @@ def evaluate_line(line: Line, Z: Any, frictions: Any) -> LineValues:
 
 
 @compiled
-def evaluate_unknowns(line: Line, prescribed: Any, x: Any, frictions: Any) -> LineValues:
+def evaluate_line_with_unknowns(line: Line, prescribed: Any, x: Any, frictions: Any) -> LineValues:
     """`evaluate_line` with the unknowns q, v, a in x (n, 3, size); prescribed (3, n, coordinates): all others.
 
     NaN if contacts pass each other along the rope; a search for rest may pass through such coordinates.

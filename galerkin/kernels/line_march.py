@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cablefem.newmark.compiled_collocation import march_while_factors_serve
-from galerkin.kernels.line import Line, evaluate_unknowns
+from galerkin.kernels.line import Line, evaluate_line_with_unknowns
 from galerkin.law import compiled, inner
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ class LineInSteps(NamedTuple):
     """A line and what is prescribed at the nodes of steps."""
 
     line: Line
-    prescribed: Any  # see `evaluate_unknowns`, (m, 3, s, coordinates)
+    prescribed: Any  # see `evaluate_line_with_unknowns`, (m, 3, s, coordinates)
     frictions: Any  # (m, s, contacts, 5)
 
 
@@ -32,7 +32,7 @@ def take_steps_while_factors_serve(line: LineInSteps, moving: Any, steps: StepsW
 @inner
 def set_residuals(line: LineInSteps, k: int, x: Any, r: Any) -> None:
     """Set the residuals r (s, n_dof) of the nodes of step k; x (s, 3, n_dof)."""
-    values = evaluate_unknowns(line.line, line.prescribed[k], x, line.frictions[k])
+    values = evaluate_line_with_unknowns(line.line, line.prescribed[k], x, line.frictions[k])
     for i in range(r.shape[0]):
         for j in range(r.shape[1]):
             r[i, j] = values.r[i, j]

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import solve
 
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import NO_STEPS, State, integrate, newmark_step, scheme, stack_states
+from cablefem.newmark import NO_STEPS, State, integrate, scheme, stack_states, take_newmark_step
 from tests.runs import basis_values_and_derivatives, crossed_cable, observed_orders
 
 G = crossed_cable(mu=0.7, sigma=0.31, c=0.52, alpha=57.0, speed=0.37)
@@ -87,7 +87,7 @@ class Forced(FollowingElements):
         r -= self.loads(t)
 
     def solve_step(self, *step):
-        return newmark_step(self, *step)
+        return take_newmark_step(self, *step)
 
     def solve_steps(self, *steps):
         return NO_STEPS

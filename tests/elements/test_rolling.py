@@ -16,10 +16,10 @@ from cablefem.newmark import (
     Work,
     collocate_first_step,
     integrate,
-    newmark_step,
     scheme,
     stack_states,
     step_times_by_phase,
+    take_newmark_step,
 )
 from cablefem.scene.statics import gripped_rest
 from tests.runs import LEVEL
@@ -112,7 +112,7 @@ def test_the_tangent_is_the_derivative_of_the_residual(drive, degree):
 
 def test_steps_are_those_of_the_interpreted_iteration():
     one, other = (RollingElements(G, elements=4) for _ in range(2))
-    other.solve_step = lambda *step: newmark_step(other, *step[:-1], step[-1]._replace(patience=0))
+    other.solve_step = lambda *step: take_newmark_step(other, *step[:-1], step[-1]._replace(patience=0))
     work, same = Work(), Work()
     states, want = (
         stack_states(list(integrate(s, scheme("generalized-alpha", rho_inf=0.9), [np.linspace(0.0, 3.0, 61)], work=w)))

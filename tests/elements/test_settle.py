@@ -13,10 +13,10 @@ from cablefem.newmark import (
     NewtonStalled,
     Work,
     integrate_blocks,
-    newmark_step,
     scheme,
     state_inside_step,
     step_times_by_phase,
+    take_newmark_step,
 )
 from cablefem.newmark.tableau import tableau
 from cablefem.scene import Scene
@@ -26,7 +26,7 @@ from validation.core.running import Run
 
 def without_compiled_steps(system):
     """Return the system with nothing compiled but its residuals and tangents."""
-    system.solve_step, system.solve_steps = lambda *step: newmark_step(system, *step), lambda *steps: NO_STEPS
+    system.solve_step, system.solve_steps = lambda *step: take_newmark_step(system, *step), lambda *steps: NO_STEPS
     return system
 
 

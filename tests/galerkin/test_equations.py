@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 
 from cablefem import Scene
-from cablefem.newmark import Newton, State, newmark_step
+from cablefem.newmark import Newton, State, take_newmark_step
 from cablefem.scene.motion import Motion, Piece
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
@@ -336,12 +336,12 @@ def test_faults_are_named():
 @pytest.mark.parametrize("basis", [Fourier(6), Daubechies(4, 0)], ids=["sines", "db4"])
 @pytest.mark.parametrize("size", [1e-3, 3e-2])
 def test_a_compiled_step_is_the_drivers_own(size, basis, law):
-    """Against `newmark_step` from a random state, near and far (halved corrections, a new tangent): the same way."""
+    """Against `take_newmark_step` from a random state, near and far (halved corrections, a new tangent): alike."""
     system = GalerkinSystem(DAMPED, basis, kink=True, law=law)
     start, dt = random_state(system, 9, size), 0.02
     rule = np.array([[1, dt, 0.5 * dt**2, 0.25 * dt**2, 0.8], [0, 1, dt, 0.5 * dt, 0.8], [0, 0, 1, 1, 0.9]])
     ends, ways = np.empty((2, *start.shape)), []
-    for solve_step, now in ((system.solve_step, ends[0]), (lambda *x: newmark_step(system, *x), ends[1])):
+    for solve_step, now in ((system.solve_step, ends[0]), (lambda *x: take_newmark_step(system, *x), ends[1])):
         ways.append(solve_step(0.93, 0, start, now, rule, Newton(max_iter=12, bound=1e-9)))
     compiled, own = ways
     for work in ("iterations", "factorisations", "residuals"):
@@ -352,7 +352,7 @@ def test_a_compiled_step_is_the_drivers_own(size, basis, law):
 
 
 def test_a_stride_is_the_drivers_own_steps():
-    """Many steps in one call end where single ones by `newmark_step` do, on the bound that both are told."""
+    """Many steps in one call end where single ones by `take_newmark_step` do, on the bound that both are told."""
     system, dt = GalerkinSystem(STEEP, Fourier(23), kink=True), 0.004
     rule = np.array([[1, dt, 0.3 * dt**2, 0.2 * dt**2, 0.8], [0, 1, 0.4 * dt, 0.6 * dt, 0.8], [0, 0, 1, 1, 0.9]])
     start = random_state(system, 3, 3e-4) / np.tile(np.arange(1.0, system.n + 1), 2) ** 2
@@ -361,7 +361,7 @@ def test_a_stride_is_the_drivers_own_steps():
     assert len(ends) == t.size
     for when, end, norm in zip(t, ends, told[:, 0], strict=True):
         now = np.empty_like(start)
-        exact = newmark_step(system, when, 0, start, now, rule, Newton(bound=1e-12))
+        exact = take_newmark_step(system, when, 0, start, now, rule, Newton(bound=1e-12))
         assert norm <= bound
         assert exact.norm <= 1e-12
         np.testing.assert_allclose(end[0], now[0], rtol=0.0, atol=1e-7 * np.abs(now[0]).max())

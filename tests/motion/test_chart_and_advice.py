@@ -8,10 +8,10 @@ from cablefem.scene.line import Line
 from tests.commands.test_files import undocumented_keys
 from tests.motion.test_quasi_static import TRAMWAY
 from validation.commands.advise import page as advice_page
-from validation.commands.advise.lines import advise_on_line
+from validation.commands.advise.lines import advise_on_line_and_write
 from validation.commands.chart import lines
 from validation.commands.chart import page as chart_page
-from validation.commands.chart.lines import chart_line
+from validation.commands.chart.lines import chart_line_and_write
 from validation.commands.run import motion
 
 SLOW = TRAMWAY.replace("top_speed = 8.0", "top_speed = 0.8").replace("eration = 0.5", "eration = 0.02")
@@ -20,7 +20,7 @@ HARD = TRAMWAY.replace("eration = 0.5", "eration = 4.0")
 
 @pytest.mark.parametrize(("toml", "enough"), [(SLOW, True), (HARD, False)])
 def test_states_of_rest_do_for_slow_travel_and_not_for_hard_starts_and_stops(tmp_path, toml, enough):
-    found = advise_on_line(Line.from_toml(toml), 1e-2, tmp_path)
+    found = advise_on_line_and_write(Line.from_toml(toml), 1e-2, tmp_path)
     assert all(row["enough"] for row in found["at_rest"]) is enough
     (haul,) = (row for row in found["at_rest"] if row["need"] == "haul force")
     friction = 0.01 * 6000.0 * 9.81
@@ -36,7 +36,7 @@ def test_a_car_that_rolls_freely_has_no_timetable_for_states_of_rest(tmp_path):
         TRAMWAY[: TRAMWAY.index("drive =")]
         + 'drive = {mode = "free", start = 600.0, rolling_friction = 0.01, end = {time = 10.0}}\n'
     )
-    found = advise_on_line(Line.from_toml(free), 1e-2, tmp_path)
+    found = advise_on_line_and_write(Line.from_toml(free), 1e-2, tmp_path)
     assert found["at_rest"] == []
     assert "car.car.drive.mode = 'free'" in found["no_rest"]
     assert "no model here" in advice_page.sections(tmp_path)[0].summary
@@ -45,7 +45,7 @@ def test_a_car_that_rolls_freely_has_no_timetable_for_states_of_rest(tmp_path):
 @pytest.fixture(scope="module")
 def charted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("chart")
-    return chart_line(Line.from_toml(HARD), folder, ladder=((1, 1), (2, 2))), folder
+    return chart_line_and_write(Line.from_toml(HARD), folder, ladder=((1, 1), (2, 2))), folder
 
 
 def rows_by_settings(chart, name):
@@ -65,7 +65,7 @@ def test_both_solvers_of_a_line_come_nearer_the_finer_they_are(charted):
 
 def test_a_run_that_is_the_reference_has_no_error(tmp_path):
     """No time leaves a reference that is among the charted runs: its distance from itself says nothing."""
-    chart = chart_line(Line.from_toml(HARD), tmp_path, budget=1e-9, ladder=((2, 2),))
+    chart = chart_line_and_write(Line.from_toml(HARD), tmp_path, budget=1e-9, ladder=((2, 2),))
     (row,) = (row for row in chart["rows"] if row["series"] == "elements")
     assert row["settings"] == chart["reference"]["settings"]
     assert (row["status"], row["path_error"]) == ("failed", None)
@@ -87,10 +87,10 @@ def test_a_chart_of_a_line_ends_within_its_budget_and_names_the_runs_that_it_lef
     monkeypatch.setattr(lines, "perf_counter", lambda: now[0])
     monkeypatch.setattr(motion, "integrate_blocks", slow_steps)
     line = Line.from_toml(HARD)
-    lines.chart_line(line, tmp_path, budget=1e-9)
+    lines.chart_line_and_write(line, tmp_path, budget=1e-9)
     of_reference = now[0]
     budget = 1.2 * of_reference
-    chart = lines.chart_line(line, tmp_path, budget=budget)
+    chart = lines.chart_line_and_write(line, tmp_path, budget=budget)
     one_run = 0.25 * of_reference  # it takes 7 of them: 2 x 2, 1 and 1, and is cut between steps only
     assert budget - one_run < now[0] - of_reference < budget + one_run
     left_out = [row for row in chart["rows"] if row["status"] == "not run"]

@@ -21,7 +21,7 @@ from tests.motion.lines import BODIES
 from tests.motion.test_bodies import tram_line
 from tests.motion.test_scene import SPAN
 from validation.commands.advise import page
-from validation.commands.advise.lines import advise_on_line
+from validation.commands.advise.lines import advise_on_line_and_write
 from validation.commands.run.motion import ELEMENTS, LineRuns, motion_answers
 from validation.core.motion_laws import faults_of_line_files
 from validation.core.wheels import neglected_wheel_load, rear_and_front_loads_by_hand, rope_stresses_under_wheel
@@ -178,7 +178,7 @@ def advice(folder, *changes):
     for old, new in changes:
         text = text.replace(old, new)
     (folder / "span.toml").write_text(text)
-    found = advise_on_line(load_line_or_none(folder / "span.toml"), 1e-2, folder)
+    found = advise_on_line_and_write(load_line_or_none(folder / "span.toml"), 1e-2, folder)
     assert not undocumented_keys(folder / "advice.json")
     return {row["need"]: row for row in found["bodies"]}, *found["periods"], page.sections(folder)[1].summary
 
@@ -205,7 +205,7 @@ def test_a_trolley_may_not_be_a_point_where_it_stops_at_once(tmp_path):
 
 
 def test_a_cabin_that_is_stopped_may_not_be_a_point(tmp_path):
-    found = advise_on_line(Line.load("emergency-stop"), 1e-2, tmp_path)
+    found = advise_on_line_and_write(Line.load("emergency-stop"), 1e-2, tmp_path)
     haul = next(row for row in found["bodies"] if row["need"] == "haul force")
     assert not haul["enough"]
     assert haul["run"] == pytest.approx(haul["formula"], rel=0.15)

@@ -139,14 +139,14 @@ def test_the_rocket_s_string_carries_what_its_newton_law_needs(wrong):
 def test_beside_a_car_at_rest_the_cable_slopes_alike_on_both_sides():
     scene = Scene.from_toml(rest.ZIP)
     g = scene.groups
-    at = rest.rest_position(g)
+    at = rest.relative_rest_position(g)
     assert at == pytest.approx(0.784932735, abs=1e-9)
     r = gripped_rest(at, g)
     down = r.left_force[0, 1] - g.sigma * at
     assert down == pytest.approx(0.5 * g.mu * g.sigma, rel=1e-9)
     assert abs(gripped_rest(at + 1e-4, g).hold[0]) > 1e-7
     with pytest.raises(ValueError, match="different signs"):
-        rest.rest_position(g, 0.1, 0.2)
+        rest.relative_rest_position(g, 0.1, 0.2)
 
 
 @pytest.mark.parametrize("drag", [True, False], ids=["waves", "forgotten"])

@@ -101,12 +101,20 @@ def test_random_advice_is_right(seed):
     full = found["full"]["settings"]
     finer = {"elements": round(1.5 * full["elements"]), "steps": 2 * full["steps"], "scheme": full["scheme"]}
     view = View.of_scene(scene)
-    truth = run(scene, adequacy.REFERENCE, **finer, until=view.last_needed_position)
+    truth = run(scene, adequacy.REFERENCE, **finer, until=view.last_needed_relative_position)
     view = view.cut_to_valid_range(truth)
 
     def meets(index, need):
         model, load = LADDER[index]
-        r = run(scene, "fourier-kink", model=model, load=load, terms=30, steps=1500, until=view.last_needed_position)
+        r = run(
+            scene,
+            "fourier-kink",
+            model=model,
+            load=load,
+            terms=30,
+            steps=1500,
+            until=view.last_needed_relative_position,
+        )
         return relative_gaps_by_need(r, truth, view)[need] <= found["asked"][need]
 
     for need, name in found["least"].items():

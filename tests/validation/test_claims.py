@@ -196,12 +196,12 @@ def test_a_stored_run_is_used_again_only_if_it_is_the_same(tmp_path, monkeypatch
     monkeypatch.setattr(runs, "run", counted)
     scene = Scene.load("inclined")
     for settings in ({"terms": 4, "steps": 60}, {"terms": 4, "steps": 60}, {"terms": 5, "steps": 60}):
-        runs.load_or_run(tmp_path / "a", scene, "fourier", settings)
+        runs.load_or_run_and_store(tmp_path / "a", scene, "fourier", settings)
     assert len(made) == 2
-    runs.load_or_run(tmp_path / "a", scene.variant(mu=0.7), "fourier", {"terms": 5, "steps": 60})
+    runs.load_or_run_and_store(tmp_path / "a", scene.variant(mu=0.7), "fourier", {"terms": 5, "steps": 60})
     assert len(made) == 3
     (tmp_path / "a" / "response.npz").write_bytes(b"broken")
-    assert runs.load_or_run(tmp_path / "a", scene, "fourier", {"terms": 5, "steps": 60}).status == "complete"
+    assert runs.load_or_run_and_store(tmp_path / "a", scene, "fourier", {"terms": 5, "steps": 60}).status == "complete"
     assert len(made) == 4
 
 
@@ -256,7 +256,7 @@ def test_the_paper_redone(tmp_path):
     assert all(f'id="claim-{i}"' in text for i in found)
     assert "Dynamics of an Elastic Cable Carrying a Moving Mass Particle" in text
     silent = lambda *progress: None  # noqa: E731
-    again = runs.make_or_load_runs(tmp_path, silent)
+    again = runs.load_or_make_and_store_runs(tmp_path, silent)
     beyond = known.compute_or_load_numbers(again, tmp_path / "numbers.jsonl", silent)
     assert judged.judged_claims(known.expression_variables(again, beyond)) == content["claims"]
     assert tuple(content["count"]) == judged.VERDICTS

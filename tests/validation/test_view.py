@@ -27,7 +27,7 @@ def run_with(**changes: Any) -> Any:
 def test_a_travel_is_compared_over_place_and_a_ride_over_time() -> None:
     level, ride = View.of_scene(Scene.load("level")), View.of_scene(Scene.load("zipline"))
     assert (level.axis, level.window, level.free, level.rolls) == ("place", (0.02, 0.80), False, False)
-    assert (ride.axis, ride.free, ride.rolls, ride.last_needed_position) == ("time", True, True, None)
+    assert (ride.axis, ride.free, ride.rolls, ride.last_needed_relative_position) == ("time", True, True, None)
     assert View.of_scene(Scene.load("tramway")).rolls
 
 

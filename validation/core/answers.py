@@ -16,8 +16,8 @@ from validation.core.design import axial_round_trip_time, design_numbers
 from validation.core.measures import (
     broke_in_compared_part,
     last_time_valid_in_all,
-    position_where_mass_outruns_waves,
-    slack_onset_before_far_support,
+    relative_position_where_mass_outruns_waves,
+    relative_slack_onset_before_far_support,
 )
 
 STATIONS = 201  # stations of profile.csv
@@ -142,15 +142,15 @@ def _end_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:
         sentence = f"stops at {last:.1f} m after {duration:.1f} s"
     elif r.drive == "haul":
         sentence = f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {duration:.1f} s"
-    if r.status != "complete" and math.isinf(slack_onset_before_far_support(r)):
+    if r.status != "complete" and math.isinf(relative_slack_onset_before_far_support(r)):
         sentence += f"; the computation ends at {r.s_o[-1]:.1f} m, past what is compared"
     return Outcome(kind, sentence + _slack_or_slow_waves_clause(r))
 
 
 def _slack_or_slow_waves_clause(r: Response) -> str:
     """From where the cable is slack, or waves are slower than the mass, to be added to a sentence; "": nowhere."""
-    steep = position_where_mass_outruns_waves(r)
-    onset = slack_onset_before_far_support(r)
+    steep = relative_position_where_mass_outruns_waves(r)
+    onset = relative_slack_onset_before_far_support(r)
     if math.isfinite(onset) and onset <= steep:
         return f"; the cable goes slack when the mass is at {onset * r.length:.1f} m"
     if math.isfinite(steep):

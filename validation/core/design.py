@@ -23,8 +23,8 @@ from validation.core.clearances import Clearances, Track, clearance_tracks, obst
 from validation.core.ladder import Ladder, bars_of_at_least_gap, max_distance
 from validation.core.measures import (
     last_time_valid_in_all,
-    position_where_mass_outruns_waves,
-    slack_onset_before_far_support,
+    relative_position_where_mass_outruns_waves,
+    relative_slack_onset_before_far_support,
     time_means_between,
     time_span_for_extremes,
 )
@@ -464,8 +464,8 @@ def _is_at_boundary(extreme: _Extreme, r: Response, time_span: tuple[float, floa
 def _slack_onset_design_number(ladder: Ladder, other: Response | None) -> Number | None:
     """Where slack begins, if before waves are slower than the mass in either run: no bar holds from there on."""
     r = ladder.finest
-    onset = slack_onset_before_far_support(r)
-    if math.isinf(onset) or onset > min(position_where_mass_outruns_waves(x) for x in (r, other or r)):
+    onset = relative_slack_onset_before_far_support(r)
+    if math.isinf(onset) or onset > min(relative_position_where_mass_outruns_waves(x) for x in (r, other or r)):
         return None
 
     def onset_or_nan(x: Response) -> float:

@@ -80,7 +80,7 @@ def common_window(*responses: MassPath, window: Window | None = None) -> Window:
     raise NotComparable(f"nothing to compare: {first.method} {what} at s_o/l = {end:.4f}, before {begin:g}")
 
 
-def position_where_mass_outruns_waves(r: MassPath) -> float:
+def relative_position_where_mass_outruns_waves(r: MassPath) -> float:
     """s_o/l from which waves are slower than the mass and steepen: no bar holds there.  Infinite: nowhere."""
     if not isinstance(r, Response):
         return math.inf
@@ -101,7 +101,7 @@ def last_time_valid_in_all(*runs: Response) -> float:
     """Time [s] up to which all runs have an answer: their first end, slack onset, or waves slower than the mass."""
     ends = [r.t[-1] for r in runs] + [r.slack_time_or_inf for r in runs]
     for r in runs:
-        onset = position_where_mass_outruns_waves(r)
+        onset = relative_position_where_mass_outruns_waves(r)
         if onset < r.reached:  # of gripped cars alone, which never turn back
             ends.append(np.interp(onset * r.length, r.s_o, r.t))
     return float(min(ends))
@@ -121,7 +121,7 @@ def time_span_for_extremes(r: Response, other: Response | None) -> tuple[float, 
     return begin, min(end, high)
 
 
-def slack_onset_before_far_support(r: MassPath) -> float:
+def relative_slack_onset_before_far_support(r: MassPath) -> float:
     """s_o/l from which the cable is slack, of a prescribed travel before `SLACK_END`; infinite: nowhere.
 
     Next to the far support no run converges, and one that grows there beyond all bounds looks slack.

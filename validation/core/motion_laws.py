@@ -321,7 +321,7 @@ def centre_of_mass_defects(x: SampledMotion, end_time: float) -> Array:
     return np.maximum(np.array(distances) - ROUNDING, 0.0)
 
 
-def holding_force_excesses_by_window(x: SampledMotion, end_time: float) -> Array:
+def relative_holding_force_excesses_by_window(x: SampledMotion, end_time: float) -> Array:
     """Means (cars, WINDOWS) of forces that hold standing cars, beyond friction and brakes, over the weight.
 
     By the rope's tensions: waves pass the limit for moments; the mean of a car that stays does not.
@@ -416,7 +416,7 @@ def laws_that_apply(line: LineTables, motions: Sequence[Any]) -> dict[str, Law]:
         laws["forces on kinks of the rope"] = turning_body_force_defects_by_window
         laws["centres of mass"] = centre_of_mass_defects
     if any(_any_free_car_sticks(line, motion) for motion in motions):
-        laws["friction that holds cars"] = holding_force_excesses_by_window
+        laws["friction that holds cars"] = relative_holding_force_excesses_by_window
     return laws | _laws_of_contacts_and_drives(line)
 
 

@@ -21,7 +21,7 @@ from validation.core.measures import (
     SLACK_END,
     broke_in_compared_part,
     last_time_valid_in_all,
-    position_where_mass_outruns_waves,
+    relative_position_where_mass_outruns_waves,
     time_span_for_extremes,
 )
 from validation.core.rest import car_point_at_rest, empty_cable
@@ -460,7 +460,7 @@ def _expected_outcome_of_travel(r: Response, table: Timetable) -> ExpectedOutcom
     if onset > SLACK_END:
         onset = math.inf
     ended_past_comparison = r.status != "complete" and math.isinf(onset)
-    onset = min(onset, position_where_mass_outruns_waves(r))
+    onset = min(onset, relative_position_where_mass_outruns_waves(r))
     slack = [onset * r.length] if math.isfinite(onset) else []
     if ended_past_comparison:
         slack.insert(0, float(r.s_o[-1]))

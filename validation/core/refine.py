@@ -65,7 +65,7 @@ class RunsOfMethod:
         self.model = {key: options[key] for key in RUN_OPTIONS if key in options}
         self.settings = {key: value for key, value in options.items() if key not in RUN_OPTIONS}
         self.end = self.model.pop("until", None)
-        ends = [end for end in (self.view.last_needed_position, self.end) if end is not None]
+        ends = [end for end in (self.view.last_needed_relative_position, self.end) if end is not None]
         self.window_end = min(ends, default=None)
 
     def run_or_reuse(self, settings: dict[str, Any], until: float | None) -> Response:
@@ -123,7 +123,7 @@ class RunsOfMethod:
         until = self.window_end
         if self.scene.obstacle or self.scene.ground:
             until = self.end  # clearances are told up to there
-        elif self.view.last_needed_position is not None and finest.slack_onset_position_or_inf < SLACK_END:
+        elif self.view.last_needed_relative_position is not None and finest.slack_onset_position_or_inf < SLACK_END:
             until = SLACK_END if self.end is None else min(self.end, SLACK_END)
 
         def continued(run: Response) -> Response:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from cablefem.response import MassPath
 from cablefem.scene import Scene
-from validation.core.measures import WINDOWS, Window, common_window, position_where_mass_outruns_waves
+from validation.core.measures import WINDOWS, Window, common_window, relative_position_where_mass_outruns_waves
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +51,14 @@ class View:
         )  # fmt: skip
 
     @property
-    def last_needed_position(self) -> float | None:
+    def last_needed_relative_position(self) -> float | None:
         """s_o/l where coarser runs may end; None: the travel's end."""
         return None if self.reaches_end else self.window[1]
 
     def cut_where_mass_outruns_waves(self, *finest: MassPath) -> View:
         """The view up to where waves get slower than the mass and steepen: no bar holds from there on."""
         low, high = self.window
-        return replace(self, window=(low, min(high, *map(position_where_mass_outruns_waves, finest))))
+        return replace(self, window=(low, min(high, *map(relative_position_where_mass_outruns_waves, finest))))
 
     def cut_to_valid_range(self, *finest: MassPath) -> View:
         """The view up to steep waves, or where a finest run ends or goes slack; NotComparable if nothing is left."""

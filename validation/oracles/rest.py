@@ -38,7 +38,7 @@ ZIP = """
 TENTH = 0.1  # s_o of a held car
 
 
-def rest_position(groups: Groups, low: float = 0.05, high: float = 0.95) -> float:
+def relative_rest_position(groups: Groups, low: float = 0.05, high: float = 0.95) -> float:
     """s_o/l in [low, high] at which a car needs no force to stay."""
     return float(brentq(lambda s: gripped_rest(s, groups).hold[0], low, high, xtol=1e-14))
 
@@ -57,9 +57,9 @@ def _force_at_a_tenth(holding_force: Callable[[float], float], groups: Groups) -
     return holding_force(TENTH)
 
 
-def _rest_position_by_force(holding_force: Callable[[float], float], groups: Groups) -> float:
+def _relative_rest_position_by_force(holding_force: Callable[[float], float], groups: Groups) -> float:
     """s_o/l near the exact one at which the force vanishes."""
-    exact = rest_position(groups)
+    exact = relative_rest_position(groups)
     return float(brentq(holding_force, exact - 0.06, exact + 0.06, xtol=1e-14))
 
 
@@ -83,7 +83,7 @@ def _laws_of_held_car() -> Iterator[Law]:
     rests = [gripped_rest(TENTH, g) for g in ropes]
     holds = np.array([rest.hold[0] for rest in rests])
     balanced = np.array([holding_force_by_car_balance(rest) for rest in rests])
-    places = np.array([rest_position(g) for g in ropes])
+    places = np.array([relative_rest_position(g) for g in ropes])
     # wrong on purpose: on the empty cable's shape
     weights = np.array([-g.mu * g.sigma * g.tension_and_slope(TENTH)[2] for g in ropes])
     lowest = np.array([g.c / g.sigma for g in ropes])
@@ -101,7 +101,7 @@ def _laws_of_held_car() -> Iterator[Law]:
         name=force, methods=(sines,), defect=force_off(balanced), order=1.9, because=statics + ", by the car's balance"
     )
     place = "place of rest over l"
-    place_off = partial(_deviation_on_ropes, ropes, _rest_position_by_force)
+    place_off = partial(_deviation_on_ropes, ropes, _relative_rest_position_by_force)
     yield Law(name=place, methods=RIDERS, defect=place_off(places), order=2.4, because=statics)
     yield on_empty_rope(name=place + wrong, defect=place_off(lowest))
 
@@ -126,7 +126,7 @@ def cases() -> Iterator[Law]:
     statics = partial(Law, order=1.9, because="statics alone", methods=RIDERS)
     held = "held car: place over deflection, tension over H"
     yield statics(name=held, defect=defect_of_ride(scene, start_defect))
-    at = rest_position(scene.groups)
+    at = relative_rest_position(scene.groups)
     still = Scene.from_toml(ZIP + f"start = {at * l!r}\nend = {{time = 6.0}}\nrest_speed = 1e-12")
     stays = "car at its place of rest stays: way over l"
     yield statics(name=stays, defect=defect_of_ride(still, lambda r: r.s_o / l - at))

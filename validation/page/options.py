@@ -50,7 +50,9 @@ SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scen
 Out = Annotated[Path | None, out_option("SCENE", "; they replace those of the same command for another scene")]
 
 
-def load_scene_or_refuse(name: str, earlier_faults: Sequence[str] = (), *, needs_mass: bool = False) -> Scene:
+def load_scene_printing_notes_or_refuse(
+    name: str, earlier_faults: Sequence[str] = (), *, needs_mass: bool = False
+) -> Scene:
     """Return the scene and print its notes, or raise Refused with its faults after the earlier ones."""
     from cablefem.scene import Scene, SceneError
 
@@ -69,7 +71,7 @@ def load_scene_or_refuse(name: str, earlier_faults: Sequence[str] = (), *, needs
     return scene
 
 
-def load_line_unless_one_span(name: str) -> Line | None:
+def load_line_printing_notes_or_none(name: str) -> Line | None:
     """The line of that name, its notes printed; None if it is a scene of one span; Refused with its faults."""
     from cablefem.scene import SceneError
     from cablefem.scene.short import load_line_or_none
@@ -138,7 +140,7 @@ class GridPoint:
     settings: dict[str, Any]
 
 
-def grid_points_from_options(
+def grid_points_from_options_printing_notes(
     scene: Scene | Line, set_options: list[str] | None, cases: list[str] | None = None
 ) -> list[GridPoint]:
     """Points of a grid, one without --set and --case; Refused with all faults."""
@@ -196,7 +198,7 @@ def line_points_from_options(
     """
     from cablefem.scene.described import OF_ONE_SPAN
 
-    points = grid_points_from_options(line, set_options, cases)
+    points = grid_points_from_options_printing_notes(line, set_options, cases)
     used = [name for name, is_used in one_span_options.items() if is_used]
     used += [f"--set {name}" for point in points for name in point.settings]
     if used:

@@ -4,8 +4,8 @@ from validation.core import store
 from validation.page.options import (
     Out,
     SceneName,
-    load_line_unless_one_span,
-    load_scene_or_refuse,
+    load_line_printing_notes_or_none,
+    load_scene_printing_notes_or_refuse,
     number_option,
     run_and_report_study,
     tolerance_faults,
@@ -25,15 +25,15 @@ def command(
 
     Writes DIR/: advice.json, with the evidence, and report.html.
     """
-    line = load_line_unless_one_span(scene)
+    line = load_line_printing_notes_or_none(scene)
     if line is not None and line.moves:
-        from validation.commands.advise.lines import advise_on_line
+        from validation.commands.advise.lines import advise_on_line_and_write
 
         if faults := tolerance_faults(tol):
             raise store.Refused(faults)
-        run_and_report_study("advise", line, ["advice.json"], out, advise_on_line, line, tol)
+        run_and_report_study("advise", line, ["advice.json"], out, advise_on_line_and_write, line, tol)
         return 0
-    loaded = load_scene_or_refuse(scene, tolerance_faults(tol), needs_mass=True)
+    loaded = load_scene_printing_notes_or_refuse(scene, tolerance_faults(tol), needs_mass=True)
 
     from validation.commands.advise.study import advise
 

@@ -31,7 +31,7 @@ from validation.core.wheels import approximate_pitch_period, neglected_wheel_loa
 Row = dict[str, Any]
 
 
-def advise_on_line(line: Line, tol: float, out: Path, report: Progress = no_progress) -> Row:
+def advise_on_line_and_write(line: Line, tol: float, out: Path, report: Progress = no_progress) -> Row:
     """Write advice.json: distances of states of rest from the motion, those of points from bodies, and periods."""
     report("with all bodies", 0.0)
     runs = LineRuns(ELEMENTS, _line_with_car_model(line, "rigid"))

@@ -193,7 +193,7 @@ def _refine_full_model_within_budget(
     budget = SHARE * BUDGET
     try:
         ladder = refine_to_tolerance(
-            scene, REFERENCE, SHARE * tol, budget=budget, progress=progress, until=view.last_needed_position
+            scene, REFERENCE, SHARE * tol, budget=budget, progress=progress, until=view.last_needed_relative_position
         )
     except TooCoarse as error:
         return error.ladder
@@ -205,7 +205,7 @@ def _refine_full_model_within_budget(
             goals.append(Goal(gap_bar_parts(ladder, view, *NEEDS[need]), SHARE * limit, FIRST))
         return max(goals, key=lambda goal: goal.bar_over_target)
 
-    return refine_until_goal_met(scene, ladder, worst_goal, budget=budget, until=view.last_needed_position)
+    return refine_until_goal_met(scene, ladder, worst_goal, budget=budget, until=view.last_needed_relative_position)
 
 
 def _cheaper_rungs(scene: Scene, full: Response, view: View, report: Progress) -> Iterator[Rung]:
@@ -227,7 +227,7 @@ def _cheaper_rungs(scene: Scene, full: Response, view: View, report: Progress) -
 
 def _run_after_warm_up(scene: Scene, method: str | Method, view: View, **how: Any) -> Response:
     """A run as far as the view needs it, after a short one, so that its time has no compiling in it."""
-    how["until"] = view.last_needed_position
+    how["until"] = view.last_needed_relative_position
     run(scene, method, **how | {"steps": 8})
     return run(scene, method, **how)
 

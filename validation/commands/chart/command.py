@@ -6,8 +6,8 @@ import typer
 from validation.page.options import (
     Out,
     SceneName,
-    load_line_unless_one_span,
-    load_scene_or_refuse,
+    load_line_printing_notes_or_none,
+    load_scene_printing_notes_or_refuse,
     run_and_report_study,
 )
 
@@ -25,13 +25,13 @@ def command(
 
     Writes DIR/: chart.json and report.html.
     """
-    line = load_line_unless_one_span(scene)
+    line = load_line_printing_notes_or_none(scene)
     if line is not None and line.moves:
-        from validation.commands.chart.lines import chart_line
+        from validation.commands.chart.lines import chart_line_and_write
 
-        run_and_report_study("chart", line, ["chart.json"], out, partial(chart_line, budget=budget), line)
+        run_and_report_study("chart", line, ["chart.json"], out, partial(chart_line_and_write, budget=budget), line)
         return 0
-    loaded = load_scene_or_refuse(scene, needs_mass=True)
+    loaded = load_scene_printing_notes_or_refuse(scene, needs_mass=True)
 
     from validation.commands.chart.study import chart
 

@@ -34,7 +34,7 @@ LADDER: tuple[Factors, ...] = tuple((space, time) for space, time in SETTINGS["l
 NO_TIME = "more than its share of the time"
 
 
-def chart_line(
+def chart_line_and_write(
     line: Line, out: Path, report: Progress = no_progress, *, budget: float = 240.0, ladder: Sequence[Factors] = LADDER
 ) -> Row:  # fmt: skip
     """Write chart.json of a line in motion.

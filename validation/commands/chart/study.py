@@ -213,7 +213,7 @@ class _Reference:
         stored : an earlier one, whose error holds if the settings are the same;  seconds : by the clock.
         Raises ValueError if the reference ends early.
         """
-        stop = stop_position_unless_free(scene)
+        stop = relative_stop_position_unless_free(scene)
         name, finest = REFERENCE if stop else REFERENCE_OF_RIDES
         shares = (1.0,) if stored and stored["settings"] == finest else (0.25, 0.5, 1.0)
         end = time.perf_counter() + seconds
@@ -285,7 +285,7 @@ def _scaled_settings(settings: Settings, share: float) -> Settings:
     return {name: x if isinstance(x, str) else round(share * x) for name, x in settings.items()}
 
 
-def stop_position_unless_free(scene: Scene) -> float | None:
+def relative_stop_position_unless_free(scene: Scene) -> float | None:
     """Last s_o/l of runs; None for a free ride."""
     return None if scene.groups.drive.mode == "free" else STOP
 
@@ -357,7 +357,7 @@ class _SeriesTimer:
         """Results and seconds of a run; by tolerance its seconds include all runs up to it."""
         method = self.series.method
         assert method is not None
-        stop = stop_position_unless_free(self.scene)
+        stop = relative_stop_position_unless_free(self.scene)
         results: Row = {}
         if "tol" in settings:
             begin = time.process_time()
@@ -376,7 +376,7 @@ class _SeriesTimer:
         """Results and seconds of a run of another code, without what others took of the processor."""
         scene = self.scene
         peer = PEERS[self.series.name]
-        stop = stop_position_unless_free(scene)
+        stop = relative_stop_position_unless_free(scene)
         groups = scene.groups if stop is None else groups_until(scene.groups, stop)
         wall = time.perf_counter()
         own = time.process_time()

@@ -46,7 +46,7 @@ def command(
     FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; of a free ride t, x and y from the left
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
-    if (line := options.load_line_unless_one_span(scene)) is not None:
+    if (line := options.load_line_printing_notes_or_none(scene)) is not None:
         others = {"--ask": ask != "all", "--with": other is not None, "--deep": deep, "--verbose": verbose}
         points = options.line_points_from_options(options.with_limits_of_regulations(line, limits), set_, case, others)
         second_line = _scene_of_second_solver(points[0].scene, second, second_set)
@@ -60,8 +60,10 @@ def command(
         )
         return code or int(not seen)
     faults = _option_faults(tol, tol_tension, with_tol, ask)
-    loaded = options.with_limits_of_regulations(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
-    points = options.grid_points_from_options(loaded, set_, case)
+    loaded = options.with_limits_of_regulations(
+        options.load_scene_printing_notes_or_refuse(scene, faults, needs_mass=True), limits
+    )
+    points = options.grid_points_from_options_printing_notes(loaded, set_, case)
     if settings := sorted({key for point in points for key in point.settings}):
         raise store.Refused(f"--set {settings[0]}: check chooses its settings; keys of the scene have a dot")
 
@@ -94,9 +96,11 @@ def _scene_of_second_solver(scene: Any, file: Path | None, set_pairs: list[str] 
     name = str(file)
     other = scene
     if file is not None:
-        other = options.load_line_unless_one_span(name) or options.load_scene_or_refuse(name, needs_mass=True)
+        other = options.load_line_printing_notes_or_none(name) or options.load_scene_printing_notes_or_refuse(
+            name, needs_mass=True
+        )
     try:
-        points = options.grid_points_from_options(other, set_pairs)
+        points = options.grid_points_from_options_printing_notes(other, set_pairs)
     except store.Refused as error:
         raise store.Refused([fault.replace("--set", "--second-set", 1) for fault in error.faults]) from None
     if len(points) > 1 or points[0].settings:

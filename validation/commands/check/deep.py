@@ -124,7 +124,7 @@ def _path_against_degree_4_row(scene: Scene, elements: Ladder) -> Agreement:
     r = elements.finest
     finer = r.settings | {"elements": max(4, r.settings["elements"] // 2), "steps": 2 * r.settings["steps"]}
     view = View.of_scene(scene)
-    other = run_with_error_bars(scene, "following-p4", until=view.last_needed_position, **finer)
+    other = run_with_error_bars(scene, "following-p4", until=view.last_needed_relative_position, **finer)
     window = view.cut_to_valid_range(r, other.finest).window
     gap = measures.relative_path_gap(other.finest, r, window).largest
     bars = [BoundPart(x.method, path_bar_from_coarser_runs(x), HALVED) for x in (r, other.finest)]

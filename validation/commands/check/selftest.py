@@ -25,7 +25,7 @@ def verdict_with_mass_fault(result: Check) -> Verdict:
     coarse = (*result.b.space.runs, result.b.finest)[0]
     shorter = (*result.b.time.runs, result.b.finest)[0]
     settings = coarse.settings | {"steps": shorter.settings["steps"]}
-    stop = View.of_scene(scene).last_needed_position
+    stop = View.of_scene(scene).last_needed_relative_position
     faulty = run_with_error_bars(scene.replace(FAULT), find_method(coarse.method), until=stop, **settings)
     toml = scene.to_toml()
     faulty = faulty.map(lambda r: replace(r, scene_toml=toml))

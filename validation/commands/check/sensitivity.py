@@ -30,7 +30,9 @@ def detectable_relative_changes(result: Check) -> dict[str, float]:
     view = View.of_scene(result.scene).cut_to_valid_range(result.a.finest, result.b.finest)
 
     def gaps_to(changed_scene: Any) -> Gaps:
-        changed = run(changed_scene, find_method(base.method), until=view.last_needed_position, **base.settings)
+        changed = run(
+            changed_scene, find_method(base.method), until=view.last_needed_relative_position, **base.settings
+        )
         changed = replace(changed, scene_toml=base.scene_toml)
         deciding = [q for q in TABLE if q.tolerance_kind and q.concerns(view)]
         return {(q.name, q.law): _gap_or_zero(q, changed, base, view) for q in deciding}

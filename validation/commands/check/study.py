@@ -173,7 +173,7 @@ def check(
     if scene.mass is None:
         raise ValueError(f"scene {scene.name!r} has no car: there is nothing to compare")
     if until is not None:
-        refuse_out_of_range("until", until, View.of_scene(scene).last_needed_position or 1.0, 1.0)
+        refuse_out_of_range("until", until, View.of_scene(scene).last_needed_relative_position or 1.0, 1.0)
     tolerance = partial(tolerance_of_kind, tol=tol, tol_tension=tol_tension)
     sides = _methods_with_tolerance_shares((scene, second or scene), methods, tol, until)
     (first, other), rows = _refine_and_compare(scene, sides, tolerance, ask, progress)

@@ -51,7 +51,7 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
         try:
             refuse_out_of_range("with_tol", with_tol, 0.0, 1.0)  # before the check is computed
             scene = _scene_or_line(scene, solver)
-            result = _check_once(scene, tol, earlier_checks)
+            result = _check_and_store_once(scene, tol, earlier_checks)
         except ValueError as refused:
             raise refused.with_traceback(None) from None  # without the library's source
         names = " and ".join(result.methods)
@@ -80,7 +80,7 @@ def _scene_or_line(scene: Any, solver: Any) -> Scene | Line:
     return scene
 
 
-def _check_once(scene: Any, tol: float | None, earlier_checks: dict[Any, Any]) -> Any:
+def _check_and_store_once(scene: Any, tol: float | None, earlier_checks: dict[Any, Any]) -> Any:
     """The check of a scene or line by a tolerance, made if it is not among the earlier ones."""
     key = (scene.to_toml(), tol)
     if key not in earlier_checks:

@@ -37,8 +37,10 @@ def command(
     print is as sure as the number that decides.
     """
     faults = [] if model in ("quasi-static", "full") else [f"--model = {model!r}: must be quasi-static or full"]
-    loaded = options.load_line_unless_one_span(scene) or options.load_scene_or_refuse(scene, faults, needs_mass=True)
-    points = options.grid_points_from_options(options.with_limits_of_regulations(loaded, limits), set_)
+    loaded = options.load_line_printing_notes_or_none(scene) or options.load_scene_printing_notes_or_refuse(
+        scene, faults, needs_mass=True
+    )
+    points = options.grid_points_from_options_printing_notes(options.with_limits_of_regulations(loaded, limits), set_)
     if len(points) > 1 or points[0].settings:
         raise store.Refused("--set: one value for each key of the scene; --for takes several")
     name, ends = _parse_key_and_range(key)

@@ -1,5 +1,5 @@
 from validation.page import terminal
-from validation.page.options import Out, SceneName, load_scene_or_refuse, run_and_report_study
+from validation.page.options import Out, SceneName, load_scene_printing_notes_or_refuse, run_and_report_study
 
 EXAMPLE = "cablefem modes bare"
 
@@ -9,7 +9,7 @@ def command(scene: SceneName, out: Out = None) -> int:
 
     From both solvers and the exact theory, omega l sqrt(rho/H). Writes DIR/: modes.json and report.html.
     """
-    loaded = load_scene_or_refuse(scene)
+    loaded = load_scene_printing_notes_or_refuse(scene)
 
     from validation.commands.modes.study import modes
     from validation.page import printing

@@ -41,7 +41,7 @@ class Reference:
         return max(float(self.ladder.bar(value_of_run)), distance)
 
     @property
-    def cross_checked_path_bar(self) -> float:
+    def cross_checked_relative_path_bar(self) -> float:
         """Bar of the path in the window, over its largest deflection."""
         window = measures.common_window(*self.ladder.runs, self.cross)
 
@@ -89,14 +89,14 @@ def _with_fewer_steps(job: Job) -> Job:
     return scene, name, scaled_settings(method, method.complete_settings(settings), time=share)
 
 
-def make_or_load_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
+def load_or_make_and_store_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
     """All runs, made in parallel, or read from out/runs/NAME where they are stored."""
     by_name = paper_scenes()
     jobs = planned_runs(quick)
 
     def run_of(name: str) -> Response:
         scene, method, settings = jobs[name]
-        return load_or_run(out / "runs" / name, by_name[scene], method, settings)
+        return load_or_run_and_store(out / "runs" / name, by_name[scene], method, settings)
 
     done = itertools.count(1)
     map_in_parallel(
@@ -106,7 +106,7 @@ def make_or_load_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
     return Runs(by_name, runs, {scene: _reference_of(runs, scene) for scene in SETTINGS["references"]})
 
 
-def load_or_run(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) -> Response:
+def load_or_run_and_store(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) -> Response:
     """The stored run of this scene and settings, made if there is none."""
     as_stored = json.loads(json.dumps(find_method(method).complete_settings(settings)))
     try:

@@ -6,7 +6,7 @@ from typing import Any
 
 from cablefem.response import Response, write_json
 from validation.commands.paper import judged, known
-from validation.commands.paper.runs import make_or_load_runs
+from validation.commands.paper.runs import load_or_make_and_store_runs
 from validation.core.sidebyside import Progress, no_progress
 
 
@@ -19,7 +19,7 @@ def paper(out: Path, report: Progress = no_progress, *, quick: bool = False) -> 
 
     quick : all runs by a quarter of the steps, overshoots without the longest ladders.
     """
-    runs = make_or_load_runs(out, report, quick)
+    runs = load_or_make_and_store_runs(out, report, quick)
     numbers = known.compute_or_load_numbers(runs, out / "numbers.jsonl", report, quick)
     report("claims", 0.0)
     claims = judged.judged_claims(known.expression_variables(runs, numbers))
@@ -29,7 +29,7 @@ def paper(out: Path, report: Progress = no_progress, *, quick: bool = False) -> 
         r = reference.ladder.finest
         references[scene] = {
             "method": r.method, "settings": r.settings, "crossed_by": reference.cross.method,
-            "path_bar": reference.cross_checked_path_bar, "slack_onset": r.slack_onset,
+            "path_bar": reference.cross_checked_relative_path_bar, "slack_onset": r.slack_onset,
             "largest_v": _relative_deflection(r), "largest_v_bar": reference.cross_checked_bar(_relative_deflection),
         }  # fmt: skip
     content = {

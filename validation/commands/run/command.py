@@ -41,7 +41,7 @@ def command(
     with its data, response.h5, and mass.xdmf. Beside it report.html. A grid writes table.csv and report.html.
     """
     run_options = {"model": model, "load": load, "law": law}
-    if (line := options.load_line_unless_one_span(scene)) is not None:
+    if (line := options.load_line_printing_notes_or_none(scene)) is not None:
         others = {f"--{option}": given != CHOICES[option][0] for option, given in run_options.items()}
         others["--model"] = model not in ("full", QUASI_STATIC)
         others |= {"--method": method != METHOD, "--tol": tol is not None, "--no-bars": not bars}
@@ -50,8 +50,10 @@ def command(
     faults: list[str] = []
     chosen = None if model == QUASI_STATIC else _find_method_noting_fault(method, faults)
     faults += option_faults(run_options, tol, chosen, before="--")
-    loaded = options.with_limits_of_regulations(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
-    points = options.grid_points_from_options(loaded, set_, case)
+    loaded = options.with_limits_of_regulations(
+        options.load_scene_printing_notes_or_refuse(scene, faults, needs_mass=True), limits
+    )
+    points = options.grid_points_from_options_printing_notes(loaded, set_, case)
     for point in points:
         if chosen is None:
             no_settings = "the quasi-static model has no settings; keys of the scene have a dot"

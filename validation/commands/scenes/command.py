@@ -6,7 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from validation.page import terminal
-from validation.page.options import claim_and_finish_results, load_line_unless_one_span, load_scene_or_refuse
+from validation.page.options import (
+    claim_and_finish_results,
+    load_line_printing_notes_or_none,
+    load_scene_printing_notes_or_refuse,
+)
 
 if TYPE_CHECKING:
     pass
@@ -50,7 +54,7 @@ def _toml_by_scene_name(name: str | None) -> dict[str, str]:
     if name is None or name in BUILT_IN:
         return {key: Scene.library_text(key) for key in (BUILT_IN if name is None else [name])}
     with redirect_stdout(sys.stderr):  # notes are no TOML
-        scene = load_line_unless_one_span(name) or load_scene_or_refuse(name)
+        scene = load_line_printing_notes_or_none(name) or load_scene_printing_notes_or_refuse(name)
     return {scene.name: scene.to_toml()}
 
 

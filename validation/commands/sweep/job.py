@@ -143,7 +143,7 @@ def _run_row(study: Study, run_options: dict[str, Any], scene: Scene, index: int
         Run(scene, method, **how)
     except ValueError as error:  # a method that cannot do what the scene asks for
         return {"status": "refused", "cause": "method", "reason": str(error)}
-    how["until"] = _end_position_of_run(scene)
+    how["until"] = _relative_end_position_of_run(scene)
     try:
         if tol is None:
             ladder = run_with_error_bars(scene, method, **how)
@@ -162,7 +162,7 @@ def _run_row(study: Study, run_options: dict[str, Any], scene: Scene, index: int
     return out | errors_against_finer_run(scene, r, study.truth.finer)
 
 
-def _end_position_of_run(scene: Scene) -> float | None:
+def _relative_end_position_of_run(scene: Scene) -> float | None:
     """s_o/l at which a run ends: rows say nothing of the slack cable, which a car that grips leaves behind at the far
     support; None: the end of the motion, past the last obstacle.
     """
@@ -229,7 +229,7 @@ def _check_row(scene: Scene, tol: float, second_scene: Scene | None) -> Row:
     def path_error(ladder: Any) -> float:
         return math.inf if ladder.finest.path_error is None else float(ladder.finest.path_error)
 
-    result = check(scene, tol=tol, until=_end_position_of_run(scene), second=second_scene)
+    result = check(scene, tol=tol, until=_relative_end_position_of_run(scene), second=second_scene)
     best = min((result.a, result.b), key=path_error)
     return _response_columns(best.finest, scene) | _verdict_columns(result)
 
