@@ -151,7 +151,7 @@ class Chord(NamedTuple):
     direction: Array  # to the second (2,)
     sag: float  # [m] four times that at the middle
 
-    def y(self, fraction: float) -> float:
+    def y_at_fraction(self, fraction: float) -> float:
         """y at a fraction of the chord."""
         straight = self.start[1] + fraction * self.direction[1]
         return float(straight + self.sag * fraction * (1.0 - fraction))
@@ -209,7 +209,7 @@ def _set_car_on_chord(system: LineSines, k: int, chord: Chord, Z: Array) -> None
     else:
         fraction = (Z[0, s] - s_0) / (s_1 - s_0)
         Z[0, x] = chord.start[0] + fraction * chord.direction[0]
-    Z[0, y] = chord.y(fraction)
+    Z[0, y] = chord.y_at_fraction(fraction)
     if front > k:
         wheel = layout.wheels[front]
         base = wheel.arm[0] - layout.wheels[k].arm[0]

@@ -359,7 +359,7 @@ class _LineBatch:
             stage[back] *= 0.5
             failed |= stage < stages.smallest
         self._iterate_newton(softness, stages, LAST, failed)  # one step more: what the last one leaves may exceed a bar
-        solved: list[LineState | NoLineAtRest] = [*self._states()]
+        solved: list[LineState | NoLineAtRest] = [*self._states_of_cases()]
         for i in np.flatnonzero(failed).tolist():
             solved[i] = LineNotConverged("no state of rest was found")
         return solved
@@ -399,7 +399,7 @@ class _LineBatch:
                 return
         raise LineNotConverged("no state of rest was found")
 
-    def _states(self) -> list[LineState]:
+    def _states_of_cases(self) -> list[LineState]:
         """State of each case; the forces of the rope are the weak ones at the nodes."""
         free = self.number >= 0
         stations = self.prescribed.copy()  # x, y and s

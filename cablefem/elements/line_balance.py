@@ -178,7 +178,7 @@ class LineBalance(LineCoordinates):
         """The solutions for all unknowns; cars that stick have 0 in both sides."""
         x = self.all_coordinates_from_unknowns(t, q, v, a, phase)
         cars = self.car_loads_and_masses(t, phase)
-        derivatives = self._derivatives(x, self.law, cars, self.moving_coordinates)
+        derivatives = self._derivatives_of_free_rows(x, self.law, cars, self.moving_coordinates)
         solves: list[Any] = [CoordinateSolve(derivatives.factorise(c), self.size, self._unknown) for c in cs]
         return solves
 
@@ -191,12 +191,14 @@ class LineBalance(LineCoordinates):
 
     def rest_solver(self, x: Coordinates, law: Array, cars: CarLoadsAndMasses, free: Mask) -> CoordinateSolve:
         """The solution for free coordinates at rest, and F/M."""
-        derivatives = self._derivatives(x, law, cars, free)
+        derivatives = self._derivatives_of_free_rows(x, law, cars, free)
         by_q, _, by_a = derivatives.values
         by_q[:, self.force] = by_a[:, self.force]
         return CoordinateSolve(derivatives.factorise((1.0, 0.0, 0.0)), self.size, np.flatnonzero(free))
 
-    def _derivatives(self, x: Coordinates, law: Array, cars: CarLoadsAndMasses, free: Mask) -> BandDerivatives:
+    def _derivatives_of_free_rows(
+        self, x: Coordinates, law: Array, cars: CarLoadsAndMasses, free: Mask
+    ) -> BandDerivatives:
         """Those of all rows, from which coordinates that are not free are dropped."""
         out = BandDerivatives(2 * self.n, self.size, self.band)
         blocks = self.segments.element_derivatives(self.segment_motion(x), Law(*law))

@@ -149,7 +149,7 @@ def observe_cable(system: CableElements, node_kinematics: Array, states: States)
         v = np.ascontiguousarray(x[:, 1])
         kinetic = kinetic_energy(system, at, q, v)
         strained = strain_state(system, at, q)
-        parts.append((kinetic, *strained, _multiply(columns, x)))
+        parts.append((kinetic, *strained, _matrix_times_unknowns(columns, x)))
     kinetic, *arrays, moments = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
     strained = StrainState(*arrays)
     of_sides = moments.reshape(-1, 4, *moments.shape[1:])
@@ -168,7 +168,7 @@ def _sides_with_lengths_and_signs(values: Array, s_o: Array) -> list[tuple[Array
     return list(zip(values, (s_o, 1.0 - s_o), (1.0, -1.0), strict=False))
 
 
-def _multiply(matrix: Any, unknowns: Array) -> Array:
+def _matrix_times_unknowns(matrix: Any, unknowns: Array) -> Array:
     """A matrix (p, n_scalar) times unknowns (n_scalar, ...)."""
     product = matrix @ unknowns.reshape(len(unknowns), -1)
     return np.asarray(product).reshape(-1, *unknowns.shape[1:])
@@ -180,11 +180,11 @@ def kinetic_energy(system: CableElements, node_kinematics: Array, q: Array, v: A
     points = system._at_inertia
     xi = points.x
     h = np.where(points.behind, s_o, 1.0 - s_o)  # (p, n)
-    rate = _multiply(points.values, v)
+    rate = _matrix_times_unknowns(points.values, v)
     if np.any(ds):
         c = ds * np.where(points.behind, xi, 1.0 - xi)
         per_length = np.divide(c, h, out=np.zeros_like(h), where=h > 0.0)
-        rate -= per_length[:, None] * _multiply(points.slopes, q)
+        rate -= per_length[:, None] * _matrix_times_unknowns(points.slopes, q)
     squared = np.sum(rate * rate, axis=1)  # (p, n)
     return np.asarray(0.5 * np.sum(points.weights * h * squared, axis=0))
 
@@ -205,7 +205,7 @@ def strain_state(system: CableElements, node_kinematics: Array, q: Array) -> Str
     length = np.where(h > 0.0, h, 1.0)
     s = np.where(points.behind, 0.0, s_o) + h * points.x
     weight = points.weights * h
-    w_s = np.moveaxis(_multiply(points.slopes, q), 1, 0) / length  # (fields, p, n)
+    w_s = np.moveaxis(_matrix_times_unknowns(points.slopes, q), 1, 0) / length  # (fields, p, n)
     if system.fields == 2:
         T, *slope = system.groups.tension_and_slope(s)
         X_s = np.array(slope)

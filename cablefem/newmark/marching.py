@@ -24,7 +24,7 @@ class Mode(NamedTuple):
     factors: Any
 
 
-def _modes(rule: Tableau, solves: Sequence[Any]) -> Iterator[Mode]:
+def _eigenmodes_of_rule(rule: Tableau, solves: Sequence[Any]) -> Iterator[Mode]:
     """The modes of a rule: complex ones and a real one, which is empty if the rule has none.
 
     So what is compiled for three nodes serves two.
@@ -106,7 +106,7 @@ class MarchingSystem(System):
             return []
         results = np.zeros((count, 5))
         nodes = rule.node_times(steps.t[: count + 1])
-        modes = tuple(_modes(rule, factors.solves))
+        modes = tuple(_eigenmodes_of_rule(rule, factors.solves))
         taken = self.take_steps_while_factors_serve(phase, nodes, StepsWithFactors(steps, results, modes, rule, newton))
         if taken == count and results[-1, 4]:
             self.factors = factors

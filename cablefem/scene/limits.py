@@ -54,14 +54,14 @@ class Limits(Part):
         for name in self.use:
             text = TEXTS[name]
             for rule in text["limit"]:
-                if self._applies(rule, text["limit"]) and span > rule.get("span_above", 0.0):
+                if self._rule_applies(rule, text["limit"]) and span > rule.get("span_above", 0.0):
                     yield rule | {"text": name, "source": f"{text['source']}, {rule['clause']}"}
         for demand in DEMANDS:
             limit = getattr(self, demand, None)
             if limit is not None:
                 yield {"demand": demand, "limit": limit, "text": "", "source": "the scene"}
 
-    def _applies(self, rule: Rule, rules: list[Rule]) -> bool:
+    def _rule_applies(self, rule: Rule, rules: list[Rule]) -> bool:
         """Whether the circumstance of a rule is given; of one without, whether no special one takes its place."""
         if "when" in rule:
             return rule["when"] in self.when

@@ -325,7 +325,7 @@ class Scene(Described):
         """Largest speed [m/s], of a free car quasi-static; None without a car."""
         if self.ride is not None:
             return self.ride.top_speed * self.wave_speed
-        return None if self._motion is None else self._motion.top_speed
+        return None if self._motion_of_travel is None else self._motion_of_travel.top_speed
 
     @property
     def speed_ratio(self) -> float | None:
@@ -337,12 +337,12 @@ class Scene(Described):
         """End of the ride [s], of a free car quasi-static; None without a car."""
         if self.ride is not None:
             return self.ride.duration * self.time_scale
-        return None if self._motion is None else self._motion.end_time
+        return None if self._motion_of_travel is None else self._motion_of_travel.end_time
 
     arrival = arrival_time  # its name in 0.3.0
 
     @cached_property
-    def _motion(self) -> Motion | None:
+    def _motion_of_travel(self) -> Motion | None:
         if self.travel is None:
             return None
         begin, distance = _travel_start_and_distance(self.travel, self.drive, self.length)
@@ -376,7 +376,9 @@ class Scene(Described):
     @cached_property
     def groups(self) -> Groups:
         """The scene in dimensionless form."""
-        motion = None if self._motion is None else self._motion.in_units(self.length, self.time_scale)
+        motion = (
+            None if self._motion_of_travel is None else self._motion_of_travel.in_units(self.length, self.time_scale)
+        )
         if self._free_ride_and_drive is not None:
             return self._groups_with(motion, self._free_ride_and_drive[1])
         if motion is None or self.drive.mode == "grip":

@@ -514,7 +514,7 @@ class _PrintedLine:
         self.tension_max = self.extremes["tension_max"][1]
 
     @cached_property
-    def _scales(self) -> dict[str, float]:
+    def _scales_by_kind(self) -> dict[str, float]:
         """Scales of the kinds of numbers that are not forces."""
         reach = self.data.contacts[-1]["at"][0]
         pressures = [low for name, (low, _) in self.extremes.items() if name.startswith("pressure:")]
@@ -523,7 +523,7 @@ class _PrintedLine:
 
     def _allowed_rounding(self, name: str) -> float:
         """The rounding that is allowed to a number by its name."""
-        return ROUNDING * float(self._scales.get(_kind_without_extreme(name), self.tension_max))
+        return ROUNDING * float(self._scales_by_kind.get(_kind_without_extreme(name), self.tension_max))
 
     def note_summary(self) -> None:
         """Note the gaps of the positions, and of the length, in summary.json."""

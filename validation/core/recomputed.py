@@ -139,19 +139,19 @@ class RecomputedNumbers:
             rates = self.timetable.accelerations_at_stretch_ends
             return max(0.0, *(rates if kind == "acceleration_max" else -rates))
         if kind == "safety_factor_min":
-            tension = self._extreme("tension_max", averaged=True)
+            tension = self._extreme_of_signals("tension_max", averaged=True)
             return None if tension is None else self.data.cable["breaking_load"] / tension
         if kind == "speed_max" and self.r.drive != "free":
             of_timetable = self.timetable.top_speed
-            return max(of_timetable, self._extreme(kind, averaged) or 0.0)
-        return self._extreme(kind, averaged)
+            return max(of_timetable, self._extreme_of_signals(kind, averaged) or 0.0)
+        return self._extreme_of_signals(kind, averaged)
 
     def largest_size(self, quantity: str) -> float:
         """Largest size of the values of which a number is an extreme; 0 where it is of none."""
         signals = self._signals_of_number(quantity) or []
         return max((float(np.nanmax(np.abs(signal.value), initial=0.0)) for signal in signals), default=0.0)
 
-    def _extreme(self, kind: str, averaged: bool) -> float | None:
+    def _extreme_of_signals(self, kind: str, averaged: bool) -> float | None:
         """Smallest or largest value of a signal over the time span; None where nothing is known."""
         values = np.concatenate([x.value.ravel() for x in self._means_of_signals(kind, averaged)])
         if not values.size:

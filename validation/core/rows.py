@@ -446,11 +446,11 @@ def _worse_row_of_each_quantity(rows: Iterable[Agreement]) -> Iterator[Agreement
     worst: dict[tuple[str, str], Agreement] = {}
     for row in rows:
         key = row.quantity, row.law
-        worst[key] = max(worst.get(key, row), row, key=_badness)
+        worst[key] = max(worst.get(key, row), row, key=_disagreement_and_relative_gap)
     yield from worst.values()
 
 
-def _badness(row: Agreement) -> tuple[bool, float]:
+def _disagreement_and_relative_gap(row: Agreement) -> tuple[bool, float]:
     """Whether it disagrees, and its gap over the bound."""
     disagrees = row.gap > FACTOR_DISAGREE * row.allowed
     return disagrees, row.gap / row.allowed if row.allowed > 0.0 else 0.0

@@ -112,7 +112,7 @@ class Panel:
             return None
         low, high, unit = self.scale
         per_unit = self.height / (high - low)
-        ticks = [(_round_to_tenth(per_unit * (high - y)), words) for y, words in _ticks(low, high, 4)]
+        ticks = [(_round_to_tenth(per_unit * (high - y)), words) for y, words in _round_ticks(low, high, 4)]
         colours = np.linspace(1.0, 0.0, 64)[:, None]
         return {"image": _coloured_png_base64(colours), "unit": unit, "ticks": ticks}
 
@@ -124,7 +124,7 @@ class Panel:
             return _round_to_tenth(x_to_user_units(x)), _round_to_tenth(height(y))
 
         drawn: Content = {"h": self.height, "w": width, "title": self.title, "unit": self.unit}
-        ticks = _log_ticks(self.low, self.high) if self.log else _ticks(self.low, self.high, self.height / 28)
+        ticks = _log_ticks(self.low, self.high) if self.log else _round_ticks(self.low, self.high, self.height / 28)
         drawn["ticks"] = [(_round_to_tenth(height(y)), words) for y, words in ticks]
         drawn["scale"] = self._colour_scale_input()
         drawn["verticals"] = [(_round_to_tenth(x_to_user_units(x)), color, dash) for x, color, dash in self.verticals]
@@ -188,7 +188,9 @@ def svg_figure(
     content: Content = {"panels": shown, "xlabel": xlabel, "label": text_without_tags(caption)}
     content |= {"width": WIDTH, "height": top - 14.0 + BELOW, "left": LEFT, "right": right}
     content["key"] = {curve.name: curve for panel in panels for curve in panel.curves if curve.name}
-    content["xticks"] = [(_round_to_tenth(x_to_user_units(value)), words) for value, words in _ticks(begin, end, 7)]
+    content["xticks"] = [
+        (_round_to_tenth(x_to_user_units(value)), words) for value, words in _round_ticks(begin, end, 7)
+    ]
     return figure_of(render_template("plot.svg", **content), caption, wide=wide)
 
 
@@ -203,7 +205,7 @@ def _log_ticks(low: float, high: float) -> list[tuple[float, str]]:
     return ticks
 
 
-def _ticks(low: float, high: float, max_count: float) -> list[tuple[float, str]]:
+def _round_ticks(low: float, high: float, max_count: float) -> list[tuple[float, str]]:
     """Round values and their text."""
     rough = (high - low) / max(max_count, 2.0)
     if not (rough > 0.0 and math.isfinite(rough)):

@@ -75,7 +75,7 @@ class Kernel:
         self.force_rows = np.stack([system.force, system.force_rows], axis=1)
         self._known: tuple[Any, Any] = None, None  # the last data of cars, and as arrays
 
-    def _line(self, law: Array, cars: CarLoadsAndMasses) -> contacts.Line:
+    def _line_for_kernels(self, law: Array, cars: CarLoadsAndMasses) -> contacts.Line:
         """All that touches the rope under a law (3, K, G)."""
         if cars is not self._known[0]:
             self._known = cars, self._car_data_on_one_and_two_contacts(cars)
@@ -102,7 +102,7 @@ class Kernel:
         """Rows (n, size) of coordinates with rates z (3, n, size), and what `contacts.set_rows_and_loads` has more."""
         rows = np.empty(z.shape[1:])
         loads = np.empty((len(rows), self.wheels + 1))
-        contacts.set_rows_and_loads(self._line(law, cars), 0, z, rows, loads)
+        contacts.set_rows_and_loads(self._line_for_kernels(law, cars), 0, z, rows, loads)
         return rows, loads
 
     def take_steps_while_factors_serve(
@@ -114,5 +114,5 @@ class Kernel:
         slots, moving : see `compiled_collocation.March`.
         """
         at_nodes = np.ascontiguousarray(np.moveaxis(prescribed, 0, 1))
-        system = march.System(self._line(law, cars), slots, at_nodes)
+        system = march.System(self._line_for_kernels(law, cars), slots, at_nodes)
         return int(march.take_steps_while_factors_serve(system, moving, steps))

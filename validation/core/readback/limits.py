@@ -201,7 +201,7 @@ class _StoredDemandValues:
             swings = [*self._design_numbers_of_kind("swing_max"), *self._design_numbers_of_kind("swing_min")]
             return _tangent_of_widest(swings) if swings else None
         if demand in RATIOS:
-            return self._ratio(demand)
+            return self._ratio_of_demand(demand)
         values = self._numbers_of_demand(demand, row)
         if not values:
             return None
@@ -213,7 +213,7 @@ class _StoredDemandValues:
     def _numbers_of_demand(self, demand: str, row: Row) -> Collection[_ValueAndBar]:
         """Numbers of which one is limited; of knees under load, of the last contact before the end or of the others."""
         if demand == "clearance":
-            return self._clearances(row)
+            return self._clearances_of_row(row)
         numbers = self.by_kind.get(NUMBERS.get(demand, ""), {})
         if demand in ("knee_loaded", "knee_last"):
             last = self.scene["contact"][-2]["name"] if "contact" in self.scene else ""
@@ -221,7 +221,7 @@ class _StoredDemandValues:
             return [x for contact, x in numbers.items() if (contact == last) is of_last]
         return numbers.values()
 
-    def _ratio(self, demand: str) -> _ValueAndBar | None:
+    def _ratio_of_demand(self, demand: str) -> _ValueAndBar | None:
         """The ratio of two numbers that a demand names, relative bars added; None without both."""
         numerators, denominators = map(self._design_numbers_of_kind, RATIOS[demand])
         if not numerators or not denominators:
@@ -232,7 +232,7 @@ class _StoredDemandValues:
         bar = (above.bar + abs(ratio) * below.bar) / abs(below.value)
         return _ValueAndBar(ratio - 1.0 if demand == "sag_growth" else ratio, bar)
 
-    def _clearances(self, row: Row) -> list[_ValueAndBar]:
+    def _clearances_of_row(self, row: Row) -> list[_ValueAndBar]:
         """Clearances over a row's obstacle or ground; none if its text needs a kind that nobody gave."""
         name = row["demand"].removeprefix(OVER)
         over: list[_ValueAndBar] = []
