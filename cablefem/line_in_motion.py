@@ -26,7 +26,7 @@ from cablefem.shoes import Passage, car_may_pass_saddle, possible_passages
 TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
 
 
-def positions_between_jumps(t: Array, s: Array) -> Array:
+def positions_for_brakes_between_jumps(t: Array, s: Array) -> Array:
     """Positions s (n, ...) that tell which brakes act at times t (n,).
 
     Where a time stands twice a brake may begin or end to act, at a place known to rounding of a step only: both states

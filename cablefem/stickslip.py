@@ -266,7 +266,7 @@ class RollingCar(System):
         return self.drive.step_fraction(self.round_trip, self.sigma, car)
 
     @property
-    def event_free_range_known(self) -> bool:
+    def is_event_free_range_known(self) -> bool:
         """Whether `event_free_range` excludes all events."""
         mode = self.mode
         return not self.free or not (mode.sticks or mode.awaits_waves or mode.forward == 0.0)

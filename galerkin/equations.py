@@ -258,14 +258,14 @@ class GalerkinSystem(System):
         a = state.a + np.concatenate([jump.ravel(), jump_at_mass])
         return State(t, state.q, state.v, a, phase)
 
-    def at_rest_with_clamped_car(self, s_o: float) -> GalerkinSystem:
+    def tension_only_at_rest_with_clamped_car(self, s_o: float) -> GalerkinSystem:
         """The cable at rest with its mass at s_o, by the tension-only law if the model has it."""
         other = self.with_law("tension-only" if self.model == "full" else self.law)
         other.motion = rest_motion(s_o, 1.0)
         return other
 
     def _unknowns_at_rest(self, s_o: float) -> Array:
-        return solve_equilibrium(self.at_rest_with_clamped_car(s_o))
+        return solve_equilibrium(self.tension_only_at_rest_with_clamped_car(s_o))
 
     def _state_at_entry(self) -> State:
         """The limit t -> 0+; see README.md, "Start".

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.polynomial import legendre
 
-from cablefem.line_in_motion import positions_between_jumps
+from cablefem.line_in_motion import positions_for_brakes_between_jumps
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import State, stack_states
 from cablefem.scene.contacts import Array, Contact, MovingLine
@@ -149,7 +149,7 @@ def _car_powers(system: LineSines, k: int, states: Sequence[State], s: Array, at
         powers[f"{name} grip"] = -kink * x.ds
         return powers
     times = np.array([state.t for state in states])
-    reached = positions_between_jumps(times, s)
+    reached = positions_for_brakes_between_jumps(times, s)
     rolling = drive.mu_r if body.car.rail is None else 0.0  # a shoe has no friction
     resisting = rolling * np.abs(body.normal_wheel_loads(at)) + body.brake_forces_of_wheels(reached)
     phases, phase_of_state = np.unique([state.phase for state in states], return_inverse=True)

@@ -200,7 +200,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     ) -> kernels.StepsTaken:
         """Steps end at an event, where the rules change, or where a hauled car turns."""
         drive = self.drive
-        if not self.event_free_range_known or t[0] < drive.release:
+        if not self.is_event_free_range_known or t[0] < drive.release:
             return kernels.StepsTaken(0, *NO_STEPS)
         q, v, a = start
         ride, _, at_start = self._kernel_arguments(State(t[0], q, v, a, phase))
@@ -262,7 +262,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self.hold = car.needed_force_along_rope * car.stretch
         return self.release_car(x)
 
-    def at_rest_with_clamped_car(self, s_o: float) -> GalerkinSystem:
+    def tension_only_at_rest_with_clamped_car(self, s_o: float) -> GalerkinSystem:
         """The cable at rest with the car clamped to it at s_o, by the tension-only law."""
         groups = replace(self.groups, motion=rest_motion(s_o, 1.0))
         return GalerkinSystem(groups, self.sines, kink=True, law="tension-only")

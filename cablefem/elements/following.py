@@ -70,7 +70,9 @@ class FollowingElements(CableElements):
             return consistent_acceleration(self, t, state.q, state.v, phase)
         s_o, ds, dds = self.motion.position_with_rates(t, phase)
         if s_o > 0.0:
-            return quasi_static_start(self, lambda at: solve_equilibrium(self.at_rest_with_clamped_car(at)), s_o, ds)
+            return quasi_static_start(
+                self, lambda at: solve_equilibrium(self.tension_only_at_rest_with_clamped_car(at)), s_o, ds
+            )
         shape, entrained = self._entry_shape_and_entrained_inertia()
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
@@ -84,7 +86,7 @@ class FollowingElements(CableElements):
         a = shape[:, None] * node_a
         return State(t, zero, zero.copy(), a.ravel(), phase)
 
-    def at_rest_with_clamped_car(self, s_o: float) -> FollowingElements:
+    def tension_only_at_rest_with_clamped_car(self, s_o: float) -> FollowingElements:
         """A copy with the law "tension-only", in which the mass is at rest at s_o."""
         other = self.with_law("tension-only")
         other.motion = rest_motion(s_o, 1.0)

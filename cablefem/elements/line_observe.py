@@ -12,7 +12,7 @@ from cablefem.elements.line_coordinates import Coordinates, Mask
 from cablefem.elements.off_rope import CarOnShoeOffRope
 from cablefem.elements.segments import Motion, dot
 from cablefem.elements.trolley import Trolley
-from cablefem.line_in_motion import positions_between_jumps
+from cablefem.line_in_motion import positions_for_brakes_between_jumps
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import Array, State, stack_states
 from cablefem.scene.contacts import Car, Contact
@@ -428,7 +428,7 @@ def _car_loads_over_time(x: _History) -> CarLoadsAndMasses:
         data = system.car_loads_and_masses(x.t[of], phase)
         thrust[of] = data.thrust
         hold[of] = data.hold
-    s = positions_between_jumps(x.t, x.q[:, slots])
+    s = positions_for_brakes_between_jumps(x.t, x.q[:, slots])
     brake = np.zeros_like(s)
     rear_brake = np.zeros_like(s)
     for i, car in enumerate(system.line.cars_on_rope):

@@ -74,7 +74,7 @@ class RollingElements(RollingCar, FollowingElements):
             return newmark.quasi_static_start(self, self._solve_rest_of_hauled_car, s_o, ds)
         s_o = self.drive.start
         zero = np.zeros(self.n_dof)
-        q = np.append(solve_equilibrium(self.at_rest_with_clamped_car(s_o)), s_o)
+        q = np.append(solve_equilibrium(self.tension_only_at_rest_with_clamped_car(s_o)), s_o)
         x = State(t, q, zero, zero.copy(), 0)
         alone = self._kernel_car._replace(drag=0.0, friction=0.0, brake=0.0)
         self.hold = self._car_row(alone, np.zeros(3), x)
@@ -90,7 +90,7 @@ class RollingElements(RollingCar, FollowingElements):
         self._assemble_cable_and_car(self._kernel_car, drive_inputs, x, r, factors)
 
     def solve_steps(self, t: Array, *steps: Any) -> newmark.ManySteps:
-        if not self.event_free_range_known:
+        if not self.is_event_free_range_known:
             return newmark.NO_STEPS
         taken = super().solve_steps(t, *steps)
         self._set_start_of_event_search(t, len(taken.ends))
@@ -132,7 +132,7 @@ class RollingElements(RollingCar, FollowingElements):
 
     def collocate_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         many = not self.free or rule.c[-1] == 1.0
-        if not (many and self.event_free_range_known):
+        if not (many and self.is_event_free_range_known):
             steps = steps.section(0, 1)
         results = self._take_collocation_steps(phase, steps, rule, newton)
         self._set_start_of_event_search(steps.t[1:], len(results))
@@ -181,7 +181,7 @@ class RollingElements(RollingCar, FollowingElements):
         r = np.empty(self.n_dof)
         return self._assemble_cable_and_car(car, drive_inputs, np.array(x[1:4]), r).row
 
-    def at_rest_with_clamped_car(self, s_o: float) -> FollowingElements:
+    def tension_only_at_rest_with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest with the car clamped to it."""
         at_rest = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=GRIP)
         return FollowingElements(at_rest, **self._at_rest)
@@ -189,7 +189,7 @@ class RollingElements(RollingCar, FollowingElements):
     def _solve_rest_of_hauled_car(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
-        clamped = solve_equilibrium(self.at_rest_with_clamped_car(s_o))
+        clamped = solve_equilibrium(self.tension_only_at_rest_with_clamped_car(s_o))
         on_its_rope = solve_equilibrium_on_haul_rope(HauledCarAtRest(still, **self._at_rest), clamped)
         return np.append(on_its_rope[:-1], 0.0)
 

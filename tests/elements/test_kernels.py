@@ -86,7 +86,7 @@ def gradient_by_differences(energy, q):
 @pytest.mark.parametrize("law", ["elastic", "tension-only"])
 @pytest.mark.parametrize("model", ["full", "string", "sagged", "stretching"])
 def test_the_internal_force_is_the_gradient_of_the_energy(model, law):
-    system = FollowingElements(SOFT, elements=2, model=model).at_rest_with_clamped_car(0.37).with_law(law)
+    system = FollowingElements(SOFT, elements=2, model=model).tension_only_at_rest_with_clamped_car(0.37).with_law(law)
     q = 0.02 * np.random.default_rng(11).standard_normal(system.n_dof)
     still = 0.0 * q
 
@@ -112,7 +112,7 @@ def test_the_internal_force_is_the_gradient_of_the_energy(model, law):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_the_least_tension_is_that_of_the_element_that_pulls_least(degree):
     """Of means over the points of each element."""
-    system = FollowingElements(SOFT, elements=2, degree=degree).at_rest_with_clamped_car(0.37)
+    system = FollowingElements(SOFT, elements=2, degree=degree).tension_only_at_rest_with_clamped_car(0.37)
     q, ref = 0.02 * np.random.default_rng(11).standard_normal(system.n_dof), system.reference
     system.residual(0.5, q, 0.0 * q, 0.0 * q, 0)
     (begin, h), tab = np.repeat([[0.0, 0.37], [0.37, 0.63]], 2, axis=1)[:, :, None], ref.forces

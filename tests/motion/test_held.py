@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from cablefem.catenary_line import solve
 from cablefem.elements.system import LineElements
-from cablefem.line_in_motion import positions_between_jumps
+from cablefem.line_in_motion import positions_for_brakes_between_jumps
 from cablefem.newmark import Work, integrate, scheme, step_times_by_phase
 from cablefem.scene.contacts import AT_REST
 from cablefem.scene.line import Line
@@ -153,11 +153,11 @@ def test_a_brake_that_begins_elsewhere_or_not_at_all_is_seen_by_the_law_of_place
 def test_a_brake_acts_from_its_event_on_though_the_step_there_overshoots():
     t = np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0, 4.0, 5.0])
     s = np.array([0.0, 5.0, 10.0, 10.0, 12.0, 10.0, 10.0, 8.0]) + 1e-6  # reaches 10 m, and leaves it again
-    acts = positions_between_jumps(t, s) >= 10.0
+    acts = positions_for_brakes_between_jumps(t, s) >= 10.0
     assert acts.tolist() == [False, False, False, True, True, True, False, False]
     t = np.array([0.0, 1.0, 1.0, 2.0, 2.0, 3.0])
     s = np.array([0.0, 10.0, 10.0, 20.0, 20.0, 25.0]) + 1e-6  # two brakes within one step
-    position = positions_between_jumps(t, s)
+    position = positions_for_brakes_between_jumps(t, s)
     assert (position >= 10.0).tolist() == [False, False, True, True, True, True]
     assert (position >= 20.0).tolist() == [False, False, False, False, True, True]
 

@@ -16,7 +16,7 @@ from validation.page import terminal
 FAULT = {"mass.mass": "+1%"}
 
 
-def verdict_with_mass_fault(result: Check) -> Verdict:
+def run_and_judge_with_mass_fault(result: Check) -> Verdict:
     """Compare a check's first solver with its second one, run at half the resolution and steps with 1 % more mass.
 
     The judge knows the check's scene alone.

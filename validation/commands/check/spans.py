@@ -77,7 +77,7 @@ def print_and_verify_check(
     unmet = require and limits.any_limit_not_surely_met(result.limits)
     sound = result.verdict.value == "agree" and not (result.doubts or wrong or unmet)
     if self_test:
-        sound &= selftest.print_whether_fault_is_seen(selftest.verdict_with_mass_fault(result), b, result.tol)
+        sound &= selftest.print_whether_fault_is_seen(selftest.run_and_judge_with_mass_fault(result), b, result.tol)
     return broken or int(not sound)
 
 

@@ -197,7 +197,7 @@ def _stops_and_starts(events: Events, name: str, t: Array, s: Array) -> list[tup
     return [(i, stops, positions[n] if stops else positions[n + 1]) for n, (i, stops, _) in enumerate(own)]
 
 
-def coarser_factors(space_factor: int, time_factor: int) -> tuple[list[Factors], list[Factors]]:
+def factors_of_coarser_runs(space_factor: int, time_factor: int) -> tuple[list[Factors], list[Factors]]:
     """Factors of the coarser runs: half and quarter of the resolution, and of the steps."""
     in_space = [(space_factor // k, time_factor) for k in (2, 4) if space_factor >= k]
     in_time = [(space_factor, time_factor // k) for k in (2, 4) if time_factor >= k]
@@ -206,7 +206,7 @@ def coarser_factors(space_factor: int, time_factor: int) -> tuple[list[Factors],
 
 def run_ladders(solvers: Sequence[LineRuns], space_factor: int, time_factor: int, report: Progress) -> None:
     """Make the runs of the ladders of several solvers in parallel, the finest first, and store them in the solvers."""
-    in_space, in_time = coarser_factors(space_factor, time_factor)
+    in_space, in_time = factors_of_coarser_runs(space_factor, time_factor)
     factors = [(space_factor, time_factor), *in_time, *in_space]
     missing = [(solver, x) for x in factors for solver in reversed(solvers) if x not in solver.known]
 
@@ -313,7 +313,7 @@ class LineRuns:
         """The run, half and quarter in space and in time; no quarter of 2."""
         branches = []
         order = 4.0  # credited to refinement in space and time, at most
-        for settings in coarser_factors(space_factor, time_factor):
+        for settings in factors_of_coarser_runs(space_factor, time_factor):
             runs: list[Any] = [self.run(*setting) for setting in settings]
             branches.append(Branch(tuple(runs), (2.0,) * len(runs), order))
         finest: Any = self.run(space_factor, time_factor)

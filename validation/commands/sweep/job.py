@@ -39,7 +39,7 @@ class CutOff(BaseException):
 
 
 @contextmanager
-def time_limit(seconds: float) -> Iterator[None]:
+def cut_off_after(seconds: float) -> Iterator[None]:
     """Raise CutOff in this thread after that time; end the process if that has no effect within GRACE.
 
     Compiled code may turn it into another exception.
@@ -72,7 +72,7 @@ def row_of_point_or_failure(study: Study, index: int, point: Point) -> Row:
     begin = time.perf_counter()
     out: Row = {"index": index, **point}
     try:
-        with time_limit(study.seconds + max(0.0, FRESH - time.process_time())):
+        with cut_off_after(study.seconds + max(0.0, FRESH - time.process_time())):
             out |= _results_of_job(study, point, index)
     except CutOff:
         out |= {"status": "cut off", "cause": "time", "reason": f"more than {study.seconds:g} s"}
