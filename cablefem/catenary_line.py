@@ -241,7 +241,7 @@ def sag_between_stations(state: LineState, first: int, last: int) -> float:
     return float(np.max(depth - run * dy / dx))
 
 
-def min_clearance(state: LineState, ground: np.ndarray) -> float:
+def min_rope_clearance(state: LineState, ground: np.ndarray) -> float:
     """Smallest height [m] of the rope over the ground (m, 2) [m] of points x, depth, linear between them.
 
     The rope sags between stations: it is nearest where it is parallel to the ground, at a corner or at an end.

@@ -96,8 +96,8 @@ def _string_with_tension_at(case: Case, tension: float, at_station: int | None) 
         before = N
         w = case.weight * np.hypot(1.0, np.diff(depth) / dx)  # per horizontal length
         k_x = H / dx
-        K = np.diag(_sum_at_stations(k_x)) - np.diag(k_x, 1) - np.diag(k_x, -1)  # (n, n)
-        b = load + 0.5 * _sum_at_stations(w * dx)
+        K = np.diag(_sum_of_pieces_at_stations(k_x)) - np.diag(k_x, 1) - np.diag(k_x, -1)  # (n, n)
+        b = load + 0.5 * _sum_of_pieces_at_stations(w * dx)
         depth = np.where(cars, 0.0, chord)
         depth[cars] = np.linalg.solve(K[np.ix_(cars, cars)], (b - K @ depth)[cars])
         level = depth.mean() if at_station is None else depth[at_station]
@@ -113,6 +113,6 @@ def _string_with_tension_at(case: Case, tension: float, at_station: int | None) 
     return TautString(H, np.stack([x, depth], axis=1), unstretched)
 
 
-def _sum_at_stations(pieces: np.ndarray) -> np.ndarray:
+def _sum_of_pieces_at_stations(pieces: np.ndarray) -> np.ndarray:
     """Sum (n,) of the values of the pieces (n - 1,) that end at a station."""
     return np.convolve(pieces, (1.0, 1.0))

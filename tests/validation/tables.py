@@ -63,7 +63,7 @@ class Path101:
 
     @classmethod
     def of(cls, ladder: Ladder) -> Path101:
-        bars = ladder.bars_in_space_and_time(Track.of, lambda a, b: largest_nearby(a.gap(b)))
+        bars = ladder.error_bars_in_space_and_time(Track.of, lambda a, b: largest_nearby(a.gap(b)))
         parts = [np.broadcast_to(x, (2, 101)) for x in bars]
         return cls(Track.of(ladder.finest), np.sum(parts, axis=0))
 

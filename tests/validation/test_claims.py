@@ -26,7 +26,7 @@ class LadderWithBar:
     """A converged run that is a number, with its bar."""
 
     def __init__(self, bar):
-        self.cross_checked_bar = lambda f: bar + 0.0 * f(0.0)
+        self.cross_checked_error_bar = lambda f: bar + 0.0 * f(0.0)
 
 
 def claim_quantity(value, bar=0.0, paper=None, **entry):

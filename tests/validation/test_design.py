@@ -17,7 +17,7 @@ from validation.core.design import (
     design_gap_rows,
     design_numbers,
     signals_over_common_time,
-    widen_bars_to_gaps,
+    widen_error_bars_to_gaps,
 )
 from validation.core.measures import energy_defect_in_joules, time_span_for_extremes
 from validation.core.quasi_static import quasi_static
@@ -153,7 +153,7 @@ def test_a_bar_is_no_less_than_the_gap_to_the_twin(ladder_with_numbers):
     deeper = ladder.map(lambda r: replace(r, y=r.y + 1.0, v=r.v + 1.0))
     own = design_numbers(ladder, deeper)
     other = design_numbers(deeper, ladder)
-    widened = {row["quantity"]: row["bar"] for row in widen_bars_to_gaps(own, other)}
+    widened = {row["quantity"]: row["bar"] for row in widen_error_bars_to_gaps(own, other)}
     assert {n.quantity: n for n in numbers}["mass_deepest"].bar < 0.1
     assert widened["mass_deepest"] == pytest.approx(1.0, abs=0.02)
     ladders = [replace(x, finest=replace(x.finest, design=n)) for x, n in ((ladder, own), (deeper, other))]

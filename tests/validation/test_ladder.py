@@ -60,26 +60,26 @@ def test_nothing_that_changes_has_no_bar_and_nan_has_an_infinite_one() -> None:
 
 def test_space_and_time_add_and_arrays_have_a_bar_of_each_value() -> None:
     one = ladder(1.0, (1.3, 2.5), (0.9, 0.5))
-    assert one.bar(SAME) == pytest.approx(1.25 * (0.3 + 0.1) / 3.0)
+    assert one.error_bar(SAME) == pytest.approx(1.25 * (0.3 + 0.1) / 3.0)
     many = ladder(np.zeros(2), (np.array([0.3, 0.2]),), (np.array([0.1, 0.0]),))
-    assert many.bar(SAME, lambda a, b: np.abs(a - b)) == pytest.approx(3.0178 * np.array([0.4, 0.2]), rel=1e-3)
+    assert many.error_bar(SAME, lambda a, b: np.abs(a - b)) == pytest.approx(3.0178 * np.array([0.4, 0.2]), rel=1e-3)
 
 
 def test_without_a_half_that_tells_the_bar_is_infinite_and_without_a_quarter_no_order_shows() -> None:
-    assert ladder(1.0, (), (1.0, 1.0)).bar(SAME) == math.inf
+    assert ladder(1.0, (), (1.0, 1.0)).error_bar(SAME) == math.inf
 
     def refuses(a: float, b: float) -> float:
         if max(a, b) > 2.0:
             raise NotComparable("ends early")
         return abs(a - b)
 
-    assert ladder(1.0, (3.0, 1.0), (1.0, 1.0)).bar(SAME, refuses) == math.inf
-    assert ladder(1.0, (1.5, 3.0), (1.0, 1.0)).bar(SAME, refuses) == pytest.approx(1.5, rel=0.01)
+    assert ladder(1.0, (3.0, 1.0), (1.0, 1.0)).error_bar(SAME, refuses) == math.inf
+    assert ladder(1.0, (1.5, 3.0), (1.0, 1.0)).error_bar(SAME, refuses) == pytest.approx(1.5, rel=0.01)
 
 
 def test_a_yes_or_no_is_known_where_all_runs_tell_it_alike() -> None:
     def bars(*runs):
-        return ladder(*runs).yes_no_bars_in_space_and_time(lambda r: r > 0.0)
+        return ladder(*runs).yes_no_error_bars_in_space_and_time(lambda r: r > 0.0)
 
     assert bars(1.0, (1.2, 1.4), (1.1, 1.1)) == (0.0, 0.0)
     assert bars(1.0, (1.2, -1.4), (1.1, 1.1)) == (math.inf, 0.0)

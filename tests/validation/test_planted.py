@@ -10,10 +10,10 @@ from tests.validation.pairs import LEVEL, right_answers
 from validation.core import recomputed
 from validation.core.agreement import DEFAULT_TOL, Verdict, worst_deciding_verdict
 from validation.core.measures import relative_path_gap
-from validation.core.rows import ALONG, AXIAL_MEAN, compare, compare_answers, tolerance_of_kind, worse_law_rows
+from validation.core.rows import ALONG, AXIAL_MEAN, compare, compare_answers, tolerance_of_quantity_kind, worse_law_rows
 from validation.core.running import run
 
-TOLERANCE = partial(tolerance_of_kind, tol=DEFAULT_TOL, tol_tension=None)
+TOLERANCE = partial(tolerance_of_quantity_kind, tol=DEFAULT_TOL, tol_tension=None)
 
 
 def rows_by_name(rows):
@@ -26,7 +26,9 @@ def compared_rows(a, b, **kind):
 
 def rows_between_answers(a, b, tol=DEFAULT_TOL, tol_tension=None):
     """Rows of both answers, without laws."""
-    return rows_by_name(compare_answers(LEVEL, a, b, partial(tolerance_of_kind, tol=tol, tol_tension=tol_tension)))
+    return rows_by_name(
+        compare_answers(LEVEL, a, b, partial(tolerance_of_quantity_kind, tol=tol, tol_tension=tol_tension))
+    )
 
 
 def verdicts_of_quantity(found, quantity):

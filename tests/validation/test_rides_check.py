@@ -16,9 +16,9 @@ from validation.core.rows import (
     AXIAL_MEAN,
     compare,
     compare_answers,
-    events_with_bars,
-    events_with_widened_bars,
-    tolerance_of_kind,
+    events_with_error_bars,
+    events_with_widened_error_bars,
+    tolerance_of_quantity_kind,
 )
 
 RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, force = 40.0}]\nend = {place = 45.0}")
@@ -38,7 +38,9 @@ def rows_by_name(found):
 
 def rows_between_answers(a, b):
     """Rows of both answers, without laws."""
-    return rows_by_name(compare_answers(RIDE, a, b, partial(tolerance_of_kind, tol=DEFAULT_TOL, tol_tension=None)))
+    return rows_by_name(
+        compare_answers(RIDE, a, b, partial(tolerance_of_quantity_kind, tol=DEFAULT_TOL, tol_tension=None))
+    )
 
 
 def test_sines_tell_by_how_much_they_miss_the_start_of_a_car_close_to_its_support():
@@ -117,7 +119,7 @@ def test_speed_is_compared_until_a_lasting_stop(wrong_from, verdict):
 
 def test_events_have_bars():
     a, b = ride_answers()
-    events = {x["event"]: x for x in events_with_bars(a)}
+    events = {x["event"]: x for x in events_with_error_bars(a)}
     for name in ("brake", "arrival"):
         assert 0.0 < events[name]["bar_t"] < 0.05
         assert 0.0 < events[name]["bar_speed"] < 0.05
@@ -132,7 +134,7 @@ def test_events_after_the_first_of_their_kind_have_bars_where_coarser_runs_have_
     def turn_time_bars(*times):
         e = ride_answers()[0].map(lambda r: turning(r, 1.0, 3.0))
         space = replace(e.space, runs=(turning(e.space.runs[0], *times), *e.space.runs[1:]))
-        return [x["bar_t"] for x in events_with_bars(replace(e, space=space))]
+        return [x["bar_t"] for x in events_with_error_bars(replace(e, space=space))]
 
     first, second = turn_time_bars(1.0, 3.1)
     assert second > first + 0.1
@@ -143,14 +145,14 @@ def test_bars_of_events_are_at_least_the_gap_to_the_other_solver():
     """An arrival was printed as +- 0.0001 s where the other solver had it a second later."""
     a, b = ride_answers()
     late = b.map(lambda r: replace(r, events=events_with_change(r, "arrival", t=r.events[-1]["t"] + 1.0)))
-    own = events_with_bars(a)
-    other = events_with_bars(late)
+    own = events_with_error_bars(a)
+    other = events_with_error_bars(late)
     for events, others in ((own, other), (other, own)):
-        arrival = events_with_widened_bars(events, others)[-1]
+        arrival = events_with_widened_error_bars(events, others)[-1]
         assert arrival["event"] == "arrival"
         assert arrival["bar_t"] == abs(own[-1]["t"] - other[-1]["t"]) > 0.9
         assert arrival["bar_speed"] >= abs(own[-1]["speed"] - other[-1]["speed"])
-    assert events_with_widened_bars(own, []) == own
+    assert events_with_widened_error_bars(own, []) == own
 
 
 def test_a_light_rider_near_the_support_starts_at_rest_in_both_wings():

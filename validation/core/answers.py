@@ -80,7 +80,7 @@ def outcome_of_run(scene: Scene, r: Response) -> Outcome:
     safety = numbers.get("safety_factor_min")
     if load is None or safety is None:
         return Outcome(end.kind, sentence)
-    smallest, largest = _range_by_bar(safety)
+    smallest, largest = _range_by_error_bar(safety)
     if smallest >= 1.0:
         return Outcome(end.kind, sentence)
     if largest >= 1.0:
@@ -90,7 +90,7 @@ def outcome_of_run(scene: Scene, r: Response) -> Outcome:
     return Outcome("breaks", f"{broken}: {sentence}")
 
 
-def _range_by_bar(number: dict[str, Any]) -> tuple[float, float]:
+def _range_by_error_bar(number: dict[str, Any]) -> tuple[float, float]:
     """Smallest and largest possible value of a design number, by its error bar."""
     bar = number["bar"] or 0.0
     return number["value"] - bar, number["value"] + bar
@@ -102,7 +102,7 @@ def _hit_or_too_close_sentences(numbers: dict[str, dict[str, Any]]) -> list[str]
     for quantity, number in numbers.items():
         kind, _, name = quantity.partition(":")
         if kind.startswith("clearance_") and number["value"] is not None:
-            ends = _range_by_bar(number)
+            ends = _range_by_error_bar(number)
             ranges[name] = np.minimum(ranges.get(name, ends), ends).tolist()
     hit = [name for name, (_, largest) in ranges.items() if largest < 0.0]
     near = [name for name, (smallest, largest) in ranges.items() if smallest < 0.0 <= largest]

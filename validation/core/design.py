@@ -20,7 +20,7 @@ from cablefem.scene.bodies import Wheels
 from cablefem.scene.cable import Rope
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.clearances import Clearances, Track, clearance_tracks, obstacle_and_ground_profiles
-from validation.core.ladder import Ladder, bars_of_at_least_gap, max_distance
+from validation.core.ladder import Ladder, error_bars_of_at_least_gap, max_distance
 from validation.core.measures import (
     last_time_valid_in_all,
     relative_position_where_mass_outruns_waves,
@@ -280,11 +280,11 @@ def signals_over_common_time(r: Response, other: Response | None = None) -> dict
     return signals
 
 
-def widen_bars_to_gaps(numbers: Sequence[Number], others: Sequence[Number]) -> list[Number]:
+def widen_error_bars_to_gaps(numbers: Sequence[Number], others: Sequence[Number]) -> list[Number]:
     """Design numbers with bars of at least the gap to the other solver's."""
     other = {row["quantity"]: row for row in others}
     bars = {"value": "bar", "peak": "bar_peak"}
-    return [number | bars_of_at_least_gap(number, other.get(number["quantity"]), bars) for number in numbers]
+    return [number | error_bars_of_at_least_gap(number, other.get(number["quantity"]), bars) for number in numbers]
 
 
 def design_gap_rows(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreement]:
@@ -317,7 +317,7 @@ def _design_number_of_extreme(signal: Signal, ladder: Ladder) -> Number | None:
         return _design_row(quantity, None, math.inf, unit) if signal.is_clearance else None
     if quantity in DEPTHS and _is_at_boundary(extreme, r, signal.time_span):
         return None
-    bar = _bar_of_extreme(signal, extreme, signal.period, ladder, FIRST if signal.period else math.inf)
+    bar = _error_bar_of_extreme(signal, extreme, signal.period, ladder, FIRST if signal.period else math.inf)
     s_o = float(np.interp(extreme.t, r.t, r.s_o))
     x = float(np.interp(extreme.s, r.fields.s, r.fields.x))
     peak: dict[str, float | None] = {}
@@ -326,19 +326,19 @@ def _design_number_of_extreme(signal: Signal, ladder: Ladder) -> Number | None:
         bar_peak = math.inf
         # coarser runs of a rule that damps axial waves do not show their error
         if ladder.runs[1:] and not scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps:
-            bar_peak = _bar_of_extreme(raw, extreme, signal.period, ladder, FIRST)
+            bar_peak = _error_bar_of_extreme(raw, extreme, signal.period, ladder, FIRST)
         peak = {"peak": raw.extreme_value_or_nan(r), "bar_peak": nulls_for_nonfinite(bar_peak)}
     return _design_row(quantity, extreme.value, bar, unit, t=extreme.t, s=extreme.s, s_o=s_o, x=x, **peak)
 
 
-def _bar_of_extreme(signal: Signal, extreme: _Extreme, period: float, ladder: Ladder, order: float) -> float:
+def _error_bar_of_extreme(signal: Signal, extreme: _Extreme, period: float, ladder: Ladder, order: float) -> float:
     """Bar of an extreme, and of the signal at times near it, up to a period or a step apart."""
-    bar = ladder.bar(signal.extreme_value_or_nan, max_distance, order)
+    bar = ladder.error_bar(signal.extreme_value_or_nan, max_distance, order)
     if extreme.step > 0.0:
         count = 9  # times at which two runs are compared
         times = extreme.t + np.linspace(-1.0, 1.0, count) * max(period, extreme.step)
         values = partial(signal.averaged_values_at, extreme.track, np.clip(times, *signal.time_span))
-        bar = max(bar, ladder.bar(values, max_distance, order))
+        bar = max(bar, ladder.error_bar(values, max_distance, order))
     return bar + extreme.between
 
 
@@ -472,7 +472,7 @@ def _slack_onset_design_number(ladder: Ladder, other: Response | None) -> Number
         return math.nan if x.slack_onset is None else x.slack_onset
 
     step = float(np.diff(r.s_o).max()) / r.length
-    bar = ladder.bar(onset_or_nan, max_distance, FIRST) + step
+    bar = ladder.error_bar(onset_or_nan, max_distance, FIRST) + step
     s_o = onset * r.length
     t = float(np.interp(s_o, r.s_o, r.t))
     s = x = None

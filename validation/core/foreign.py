@@ -393,7 +393,7 @@ def third_party_rows(
     covered = _partial_coverage_text(path, run, window)
     allowed = BoundPart(f"allowed to {other}", with_tol)
     for name, distance in _distance_functions(path, run, part).items():
-        bar = BoundPart(run.method, ladder.bar(identity, distance), "its error bar")
+        bar = BoundPart(run.method, ladder.error_bar(identity, distance), "its error bar")
         bound = Bound("our error bar", (bar, allowed), f"of {_COMPONENTS.get(name, of_path)}")
         if covered:
             bound = no_bound(f"{other} covers {covered}; there {bound.sum_or_nan:.2g} would be allowed")

@@ -31,7 +31,7 @@ def max_distance(a: Any, b: Any) -> float:
     return float(np.max(np.abs(np.subtract(a, b)), initial=0.0))
 
 
-def bars_of_at_least_gap(
+def error_bars_of_at_least_gap(
     row: dict[str, Any], other: dict[str, Any] | None, bar_of: dict[str, str]
 ) -> dict[str, float]:  # fmt: skip
     """The known bars of a row, each at least the gap to the other solver's value; bar_of : its key by the value's."""
@@ -50,7 +50,7 @@ class Branch(Generic[Run]):
     ratios: tuple[float, ...]  # times coarser than the run before
     order: float  # nominal, of the path
 
-    def bar(self, finest: Run, functional: Functional, distance: Distance, order: float) -> Any:
+    def error_bar(self, finest: Run, functional: Functional, distance: Distance, order: float) -> Any:
         """The bar of the finest run in this direction; infinite without a half."""
         if not self.runs:
             return math.inf
@@ -105,23 +105,23 @@ class Ladder(Generic[Run]):
 
         return replace(self, space=covering(self.space), time=covering(self.time))
 
-    def bars_in_space_and_time(
+    def error_bars_in_space_and_time(
         self, functional: Functional, distance: Distance = max_distance, order: float = math.inf
     ) -> tuple[Any, Any]:
-        """The parts of `bar`."""
-        in_space = self.space.bar(self.finest, functional, distance, order)
-        in_time = self.time.bar(self.finest, functional, distance, order)
+        """The parts of `error_bar`."""
+        in_space = self.space.error_bar(self.finest, functional, distance, order)
+        in_time = self.time.error_bar(self.finest, functional, distance, order)
         return in_space, in_time
 
-    def bar(self, functional: Functional, distance: Distance = max_distance, order: float = math.inf) -> Any:
+    def error_bar(self, functional: Functional, distance: Distance = max_distance, order: float = math.inf) -> Any:
         """The error bar of a functional of the finest run.
 
         functional : a number or series;  distance : of two values, an array for a bar of each value.
         order : the largest that is credited, if less than the path's.
         """
-        return sum(self.bars_in_space_and_time(functional, distance, order))
+        return sum(self.error_bars_in_space_and_time(functional, distance, order))
 
-    def yes_no_bars_in_space_and_time(self, functional: Functional) -> tuple[float, float]:
+    def yes_no_error_bars_in_space_and_time(self, functional: Functional) -> tuple[float, float]:
         """The parts of the bar of a yes or no: 0 where coarser runs answer as the finest does, else infinite."""
 
         def bar(coarser: Branch[Run]) -> float:

@@ -90,9 +90,9 @@ def _row_of_worst_component(law: Law, judged: _EvidenceOfLadder) -> Agreement:
     parts = math.nan, 0.0
     where = None
     if defect.s_o.size and np.isfinite(defect.value).all():
-        space, time = _space_and_time_bars(law, defect, judged)
-        time = time + _sampling_bars(law, defect, judged.sparse_steps)  # more steps lessen both
-        bars = space + time + _sampling_bars(law, defect, judged.sparse_stations)
+        space, time = _space_and_time_error_bars(law, defect, judged)
+        time = time + _sampling_error_bars(law, defect, judged.sparse_steps)  # more steps lessen both
+        bars = space + time + _sampling_error_bars(law, defect, judged.sparse_stations)
         sizes = defect.rms_or_mean
         i = int((sizes / bars).argmax())
         gap = float(sizes[i])
@@ -105,11 +105,11 @@ def _row_of_worst_component(law: Law, judged: _EvidenceOfLadder) -> Agreement:
     return Agreement(law.quantity, gap, bound, where, parts=(parts,))
 
 
-def _space_and_time_bars(law: Law, defect: Defect, judged: _EvidenceOfLadder) -> tuple[Array, Array]:
+def _space_and_time_error_bars(law: Law, defect: Defect, judged: _EvidenceOfLadder) -> tuple[Array, Array]:
     """Bars (c,) of a defect in space and time."""
     ladder = judged.ladder
     values = {key: (defect if law.exact else law.defect(x)).value for key, x in judged.by_run.items()}
-    space, time = ladder.bars_in_space_and_time(lambda r: values[id(r)], defect.rms_or_mean_distance, FIRST)
+    space, time = ladder.error_bars_in_space_and_time(lambda r: values[id(r)], defect.rms_or_mean_distance, FIRST)
     components = defect.rms_or_mean.shape
     space = np.broadcast_to(space, components)
     time = np.broadcast_to(time, components)
@@ -118,7 +118,7 @@ def _space_and_time_bars(law: Law, defect: Defect, judged: _EvidenceOfLadder) ->
     return space, time
 
 
-def _sampling_bars(law: Law, defect: Defect, sparse: tuple[Evidence, Evidence]) -> Array:
+def _sampling_error_bars(law: Law, defect: Defect, sparse: tuple[Evidence, Evidence]) -> Array:
     """Bars (c,) of a defect by half and a quarter of what it is computed from."""
     half, quarter = (law.defect(x).value for x in sparse)
     change = defect.rms_or_mean_distance(defect.value, half)
@@ -133,7 +133,7 @@ class Law(NamedTuple):
     defect: DefectOf
     concerns: Callable[[Evidence], bool]
     quantity: str = "laws_si"  # of the row
-    tolerance_kind: str = "rest"  # or "velocity" (`rows.tolerance_of_kind`); "" if only shown
+    tolerance_kind: str = "rest"  # or "velocity" (`rows.tolerance_of_quantity_kind`); "" if only shown
     exact: bool = False  # to rounding in every run
     at_start: bool = False  # of the point (x, y) at which the car starts
 

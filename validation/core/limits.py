@@ -173,16 +173,16 @@ class _ComputedDemandValues:
     def safety_factor(self) -> ValueWithBar | None:
         """Breaking load over largest tension."""
         load = self.scene.cable.breaking_load
-        return _ratio_with_bar(None if load is None else ValueWithBar(load), self._largest("tension_max"))
+        return _ratio_with_error_bar(None if load is None else ValueWithBar(load), self._largest("tension_max"))
 
     def tension_over_contact(self) -> ValueWithBar | None:
         """Smallest tension over largest contact force."""
-        return _ratio_with_bar(self._smallest("tension_min"), self._largest("contact_max"))
+        return _ratio_with_error_bar(self._smallest("tension_min"), self._largest("contact_max"))
 
     def sag_growth(self) -> ValueWithBar | None:
         """How much larger the largest sag at the car is in motion than at rest."""
         moving = self._largest("sag_car_max")
-        growth = _ratio_with_bar(moving, self._largest("sag_car_rest"))
+        growth = _ratio_with_error_bar(moving, self._largest("sag_car_rest"))
         return None if growth is None else ValueWithBar(growth.value - 1.0, growth.bar)
 
     def swing_tangent(self) -> ValueWithBar | None:
@@ -248,7 +248,7 @@ COMPUTED: dict[str, Callable[[_ComputedDemandValues], ValueWithBar | None]] = {
 }
 
 
-def _ratio_with_bar(numerator: ValueWithBar | None, denominator: ValueWithBar | None) -> ValueWithBar | None:
+def _ratio_with_error_bar(numerator: ValueWithBar | None, denominator: ValueWithBar | None) -> ValueWithBar | None:
     """The ratio, with the bars of both; None if one is unknown."""
     if numerator is None or denominator is None:
         return None

@@ -219,7 +219,7 @@ class LineComparison:
         a = self.a.finest
         gap = distances(values_at_instants(a), values_at_instants(self.b.finest))
         # of the largest change, as a path's: at single instants a phase that shifts hides the order
-        parts = [ladder.bars_in_space_and_time(values_at_instants, gap_size) for ladder in (self.a, self.b)]
+        parts = [ladder.error_bars_in_space_and_time(values_at_instants, gap_size) for ladder in (self.a, self.b)]
         row = row_with_error_bars(quantity, size(gap), (self.a, self.b), parts, norm.required)
         when = a.common_instants_until(self.compared_until)[int(np.argmax(gap))]
         return replace(row, law=law, where=None if rms else f"t = {when:.4g} s")
@@ -292,14 +292,14 @@ class LineComparison:
             return
         a = self.a.finest
         b = self.b.finest
-        parts = [ladder.yes_no_bars_in_space_and_time(event_names) for ladder in ladders]
+        parts = [ladder.yes_no_error_bars_in_space_and_time(event_names) for ladder in ladders]
         gap = 1.0
         if event_names(a) == event_names(b):
             gap = max_distance(event_times(a), event_times(b)) / self.compared_until
             if a.events and not np.any(parts):
                 # a car comes loose where waves of its friction are, whose fronts converge to first order
                 parts = [
-                    ladder.bars_in_space_and_time(lambda run: event_times(run) / self.compared_until, order=FIRST)
+                    ladder.error_bars_in_space_and_time(lambda run: event_times(run) / self.compared_until, order=FIRST)
                     for ladder in ladders
                 ]
         yield row_with_error_bars("events", gap, ladders, parts, self.tolerance.path)
@@ -341,7 +341,7 @@ def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., A
         values = defect(moved)
         return moved.at_common_instants(values, end_time) if over_time else values
 
-    space, time = ladder.bars_in_space_and_time(comparable_defect)
+    space, time = ladder.error_bars_in_space_and_time(comparable_defect)
     sampling = max_distance(all_at_steps, of_steps) + max_distance(of_all, of_stations)
     bound = Bound("law", (BoundPart("ladder", space + time), BoundPart("sampling", sampling)))
     law = f"{law}, {ladder.finest.method}"
@@ -468,7 +468,7 @@ def clearance_series(motion: LineMotion, line: Line) -> dict[str, tuple[Array, A
     return clearances
 
 
-def bars_of_hand_wheel_loads(line: Line, moved: LineRun, numbers: dict[str, Extreme]) -> dict[str, float]:
+def error_bars_of_hand_wheel_loads(line: Line, moved: LineRun, numbers: dict[str, Extreme]) -> dict[str, float]:
     """Bars for what wheel loads by hand leave out, by design number: of loads, and of what follows from the largest.
 
     numbers : the design numbers of the run.
@@ -489,7 +489,7 @@ def bars_of_hand_wheel_loads(line: Line, moved: LineRun, numbers: dict[str, Extr
     return bars
 
 
-def design_with_bars(
+def design_with_error_bars(
     a: LineLadder, b: LineLadder | None, line: Line, unit_of: Callable[[str], str]
 ) -> list[dict[str, Any]]:
     """Design numbers of `a` with bars: from coarser runs, and at least the gap to `b`;  unit_of : a design number."""
@@ -497,7 +497,7 @@ def design_with_bars(
     known = {id(run): extremes_with_times(run, line) for ladder in ladders for run in ladder.runs}
     motion = a.finest.motion
     numbers = known[id(a.finest)]
-    by_hand = bars_of_hand_wheel_loads(line, a.finest, numbers)
+    by_hand = error_bars_of_hand_wheel_loads(line, a.finest, numbers)
     position = {car.name: car.s for car in motion.cars}
     rows: list[dict[str, Any]] = []
     for name, (value, t) in numbers.items():
@@ -505,7 +505,7 @@ def design_with_bars(
         def value_of_run(moved: LineRun, name: str = name) -> float:
             return known[id(moved)].get(name, (math.nan, 0.0))[0]
 
-        bar = a.bar(value_of_run)
+        bar = a.error_bar(value_of_run)
         if b is not None:
             bar = max(bar, abs(value - value_of_run(b.finest)))
         bar += by_hand.get(name, 0.0)

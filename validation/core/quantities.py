@@ -41,11 +41,11 @@ def design_row_texts(number: dict[str, Any]) -> dict[str, str]:
 def quantity_text(value: float, bar: float | None, unit: str) -> str:
     """A value with its bar and unit; a speed also in km/h."""
     factor, name = factor_and_prefixed_unit(np.array([value, bar or 0.0]), unit)
-    text = text_with_bar(factor * value, bar and factor * bar)
+    text = text_with_error_bar(factor * value, bar and factor * bar)
     if name and unit != "s_o/l":
         text += f" {name}"
     if unit == "m/s":
-        text += f" = {text_with_bar(3.6 * value, bar and 3.6 * bar)} km/h"
+        text += f" = {text_with_error_bar(3.6 * value, bar and 3.6 * bar)} km/h"
     return text
 
 
@@ -101,7 +101,7 @@ def factor_and_prefixed_unit(values: Array, unit: str) -> tuple[float, str]:
     return 1.0, unit
 
 
-def text_with_bar(value: float, bar: float | None) -> str:
+def text_with_error_bar(value: float, bar: float | None) -> str:
     """A value rounded to two digits of its bar, else to five.
 
     A bar at rounding level is none.

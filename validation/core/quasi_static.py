@@ -271,7 +271,7 @@ class InertiaErrors(NamedTuple):
         """How much slower [m/s] a car is at a speed [m/s] if it lacks the energy."""
         return speed - math.sqrt(max(0.0, speed**2 - 2.0 * self.energy))
 
-    def event_bars(self, event: dict[str, Any], t: Array, s_o: Array, speed: Array) -> dict[str, float]:
+    def error_bars_of_event(self, event: dict[str, Any], t: Array, s_o: Array, speed: Array) -> dict[str, float]:
         """Bars of an event in time [s], position [m] and speed [m/s]; t, s_o, speed : of the ride (n,).
 
         A car stops as much earlier as it takes to lose the energy.
@@ -289,7 +289,7 @@ class InertiaErrors(NamedTuple):
             bars["bar_s_o"] = abs(event["s_o"] - float(s_o[k]))
         return bars
 
-    def number_bar(self, row: dict[str, Any], scene: Scene, tension_max: float) -> float | None:
+    def error_bar_of_number(self, row: dict[str, Any], scene: Scene, tension_max: float) -> float | None:
         """Bar of a design number, in its unit; its own if it has one; None without a value."""
         assert scene.mass is not None
         quantity = row["quantity"]
@@ -314,8 +314,8 @@ def with_inertia_error_bars(scene: Scene, r: Response) -> Response:
     inertia = InertiaErrors.estimated(scene, float(r.speed.max()), r.max_deflection)
     tensions = [row["value"] for row in r.design if row["quantity"] == "tension_max"]
     tension_max = max(tensions, default=0.0)
-    design = [row | {"bar": inertia.number_bar(row, scene, tension_max)} for row in r.design]
-    events = [event | inertia.event_bars(event, r.t, r.s_o, r.speed) for event in r.events]
+    design = [row | {"bar": inertia.error_bar_of_number(row, scene, tension_max)} for row in r.design]
+    events = [event | inertia.error_bars_of_event(event, r.t, r.s_o, r.speed) for event in r.events]
     return replace(r, design=design, events=events)
 
 
@@ -330,7 +330,7 @@ def free_ride_events(scene: Scene) -> list[dict[str, Any]]:
     return rows
 
 
-def quasi_static_events_with_bars(scene: Scene, full_run_deflection: float) -> list[dict[str, Any]]:
+def quasi_static_events_with_error_bars(scene: Scene, full_run_deflection: float) -> list[dict[str, Any]]:
     """Events of the quasi-static ride with bars; full_run_deflection : the largest [m] of a run of the full model."""
     ride = scene.ride
     if ride is None:
@@ -342,4 +342,7 @@ def quasi_static_events_with_bars(scene: Scene, full_run_deflection: float) -> l
         s_o = scene.length * ride.position_and_speed(t)[0]
         speed = scene.length / scene.time_scale * ride.point_speed(t)
     inertia = InertiaErrors.estimated(scene, float(speed.max()), full_run_deflection)
-    return [event | inertia.event_bars(event, scene.time_scale * t, s_o, speed) for event in free_ride_events(scene)]
+    return [
+        event | inertia.error_bars_of_event(event, scene.time_scale * t, s_o, speed)
+        for event in free_ride_events(scene)
+    ]

@@ -180,7 +180,7 @@ def refine_to_tolerance(
     max_broken = 3  # ladders one after the other that do not reach the end of the window
     while True:
         ladder = runs.compute_ladder(settings)
-        goal = Goal(path_bar_parts(ladder, runs.view), tol)
+        goal = Goal(path_error_bar_parts(ladder, runs.view), tol)
         known = f"{goal.bar:.1g}" if math.isfinite(goal.bar) else "not known yet"
         progress(0.3, f"{len(runs.made)} runs, bar {known}, {tol:.2g} wanted")
         broken = 0 if math.isfinite(goal.bar) else broken + 1
@@ -300,30 +300,32 @@ def exceeds_work_budget(method: Method, ladder: Ladder, finer: dict[str, Any], b
 Gap = Callable[[Response, Response, View], float]  # of a coarse run to a fine one
 
 
-def path_bar_parts(ladder: Ladder, view: View) -> tuple[float, float]:
+def path_error_bar_parts(ladder: Ladder, view: View) -> tuple[float, float]:
     """The parts of the bar of the path; infinite if unknown."""
-    return gap_bar_parts(ladder, view, lambda coarse, fine, view: relative_path_gap(coarse, fine, view.window).largest)
+    return gap_error_bar_parts(
+        ladder, view, lambda coarse, fine, view: relative_path_gap(coarse, fine, view.window).largest
+    )
 
 
 def _tension_gap(coarse: Response, fine: Response, view: View) -> float:
     return measures.rms_tension_gap_over_H(fine, coarse, view.window)
 
 
-def gap_bar_parts(ladder: Ladder, view: View, gap: Gap, order: float = math.inf) -> tuple[float, float]:
+def gap_error_bar_parts(ladder: Ladder, view: View, gap: Gap, order: float = math.inf) -> tuple[float, float]:
     """The parts of the bar of a gap; infinite if unknown;  order : the most credited."""
     try:
         view = view.cut_to_valid_range(ladder.finest)
     except NotComparable:
         return math.inf, math.inf
     covering = ladder.only_runs_covering(view)
-    return covering.bars_in_space_and_time(identity, lambda fine, coarse: gap(coarse, fine, view), order)
+    return covering.error_bars_in_space_and_time(identity, lambda fine, coarse: gap(coarse, fine, view), order)
 
 
 def with_error_bars(ladder: Ladder, view: View) -> Ladder:
     """The ladder with bars of path and tension in its finest run, else a flag."""
     finest = ladder.finest
-    path = path_bar_parts(ladder, view)
-    tension = gap_bar_parts(ladder, view, _tension_gap, FIRST)
+    path = path_error_bar_parts(ladder, view)
+    tension = gap_error_bar_parts(ladder, view, _tension_gap, FIRST)
     try:
         window = view.cut_to_valid_range(finest).window
         relative_path_gap(finest, finest, window)
@@ -344,7 +346,7 @@ def with_error_bars(ladder: Ladder, view: View) -> Ladder:
     return replace(ladder, finest=barred)
 
 
-def path_bar_from_coarser_runs(r: Response) -> float:
+def path_error_bar_from_coarser_runs(r: Response) -> float:
     """The bar of the path by the solver's own coarser runs; `path_error` of a check is at least the gap."""
     parts = r.error_parts or {}
     return parts.get("path_space", math.inf) + parts.get("path_time", math.inf)

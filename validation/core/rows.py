@@ -27,7 +27,7 @@ from validation.core.ladder import (
     Functional,
     Goal,
     Ladder,
-    bars_of_at_least_gap,
+    error_bars_of_at_least_gap,
     identity,
     max_distance,
     row_with_error_bars,
@@ -144,7 +144,7 @@ TABLE = (
 )
 
 
-def tolerance_of_kind(kind: str, tol: float, tol_tension: float | None) -> float:
+def tolerance_of_quantity_kind(kind: str, tol: float, tol_tension: float | None) -> float:
     """The tolerance of a kind of quantity: "path", "force", "velocity", or any other."""
     if kind == "path":
         return tol
@@ -161,12 +161,12 @@ def compare(
 
     tol : of path, place and mean speed;  tol_tension : of mean forces, default ten times `tol`.
     """
-    tolerance = partial(tolerance_of_kind, tol=tol, tol_tension=tol_tension)
+    tolerance = partial(tolerance_of_quantity_kind, tol=tol, tol_tension=tol_tension)
     return compare_answers(scene, a, b, tolerance) + worse_law_rows(scene, a, b, tolerance)
 
 
 def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list[Agreement]:
-    """The rows that compare two answers;  tolerance : of a kind of quantity, as `tolerance_of_kind`."""
+    """The rows that compare two answers;  tolerance : of a kind of quantity, as `tolerance_of_quantity_kind`."""
     full = View.of_scene(scene).cut_where_mass_outruns_waves(a.finest, b.finest)
     rows = list(missing_independence_rows(a.finest, b.finest))
     try:
@@ -204,7 +204,7 @@ def worse_law_rows(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> 
 
 def worst_force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
     """The bar of the mean force that most exceeds what is asked of forces at a path tolerance `tol`."""
-    required = tolerance_of_kind("force", tol, None)
+    required = tolerance_of_quantity_kind("force", tol, None)
     worst = Goal((0.0, 0.0), required, FIRST)
     try:
         view = View.of_scene(scene).cut_to_valid_range(ladder.finest)
@@ -214,7 +214,7 @@ def worst_force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
     for quantity in TABLE:
         is_force = quantity.tolerance_kind == "force" and quantity.concerns(view)
         if is_force and _gap_is_known(quantity, ladder.finest, view):
-            parts = ladder.bars_in_space_and_time(identity, partial(_gap_in_view, quantity, view))
+            parts = ladder.error_bars_in_space_and_time(identity, partial(_gap_in_view, quantity, view))
             worst = max(worst, Goal(parts, required, FIRST), key=lambda goal: goal.bar_over_target)
     return worst
 
@@ -250,7 +250,7 @@ def _functional_row(
 ) -> Agreement:  # fmt: skip
     """The distance of a functional of both runs, with its bars;  order : the most credited."""
     gap = distance(functional(b.finest), functional(a.finest))
-    parts = [ladder.bars_in_space_and_time(functional, distance, order) for ladder in (a, b)]
+    parts = [ladder.error_bars_in_space_and_time(functional, distance, order) for ladder in (a, b)]
     return row_with_error_bars(name, gap, (a, b), parts, required)
 
 
@@ -314,7 +314,7 @@ def _unpaired_event_row(event: str, a: Ladder, b: Ladder, required: float) -> Ag
     def has_event(r: Response) -> bool:
         return find_event(event, r.events) is not None
 
-    parts = [ladder.yes_no_bars_in_space_and_time(has_event) for ladder in (a, b)]
+    parts = [ladder.yes_no_error_bars_in_space_and_time(has_event) for ladder in (a, b)]
     return replace(row_with_error_bars("events", 1.0, (a, b), parts, required), law=event)
 
 
@@ -326,24 +326,24 @@ def _event_scales(r: Response) -> dict[str, tuple[str, float]]:
 EVENT_BARS = {"t": "bar_t", "s_o": "bar_s_o", "speed": "bar_speed"}
 
 
-def events_with_bars(ladder: Ladder) -> list[Event]:
+def events_with_error_bars(ladder: Ladder) -> list[Event]:
     """A run's events with bars bar_t [s], bar_s_o [m], bar_speed [m/s]; None if unknown."""
     barred = []
     for event, index in _numbered_events(ladder.finest.events):
         bars = {}
         for name, bar in EVENT_BARS.items():
             value = partial(_scaled_event_value, event["event"], name, 1.0, index=index)
-            bars[bar] = nulls_for_nonfinite(ladder.bar(value, order=FIRST))
+            bars[bar] = nulls_for_nonfinite(ladder.error_bar(value, order=FIRST))
         barred.append(event | bars)
     return barred
 
 
-def events_with_widened_bars(events: Sequence[Event], others: Sequence[Event]) -> list[Event]:
+def events_with_widened_error_bars(events: Sequence[Event], others: Sequence[Event]) -> list[Event]:
     """Events with bars of at least the gap to the same event of the other solver."""
     widened = []
     for event, index in _numbered_events(events):
         other = find_event(event["event"], others, index)
-        widened.append(event | bars_of_at_least_gap(event, other, EVENT_BARS))
+        widened.append(event | error_bars_of_at_least_gap(event, other, EVENT_BARS))
     return widened
 
 
@@ -417,7 +417,7 @@ def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> 
         distances = trust.path_distances_over_deflection(x, y, positions)
         return np.maximum.accumulate(np.nan_to_num(distances, nan=math.inf))
 
-    bar_a, bar_b = (np.broadcast_to(x.bar(identity, largest_so_far, FIRST), positions.shape) for x in (a, b))
+    bar_a, bar_b = (np.broadcast_to(x.error_bar(identity, largest_so_far, FIRST), positions.shape) for x in (a, b))
     allowed = bar_a + bar_b
     gaps = largest_so_far(a.finest, b.finest)
     within = int(np.count_nonzero(np.maximum.accumulate(allowed) <= required))

@@ -19,7 +19,12 @@ import numpy as np
 from markupsafe import Markup
 
 from cablefem.response import write_text
-from validation.core.quantities import design_row_texts, factor_and_prefixed_unit, text_with_bar, verification_row_texts
+from validation.core.quantities import (
+    design_row_texts,
+    factor_and_prefixed_unit,
+    text_with_error_bar,
+    verification_row_texts,
+)
 
 Row = dict[str, Any]  # of a table, by the keys of its columns
 Content = dict[str, Any]  # of a template or a script, by the names that it uses
@@ -169,7 +174,7 @@ def percent_text(fraction: float | None, digits: int = 2) -> str:
     return f"{number_text(100.0 * fraction, digits)}\u202f%"
 
 
-def typeset_bar_and_minus(text: str) -> str:
+def typeset_error_bar_and_minus(text: str) -> str:
     """A number with bar and unit, with a minus sign and without line breaks."""
     return text.replace(" ± ", "\u202f±\u202f").replace("-", "−")
 
@@ -246,8 +251,8 @@ _ENVIRONMENT.filters |= {
     "force": force_text,
     "design_row_texts": design_row_texts,
     "verification_row_texts": verification_row_texts,
-    "typeset": typeset_bar_and_minus,
-    "text_with_bar": text_with_bar,
+    "typeset": typeset_error_bar_and_minus,
+    "text_with_error_bar": text_with_error_bar,
 }
 _ENVIRONMENT.globals["verdicts"] = VERDICTS
 _PARTS: Any = _ENVIRONMENT.get_template("parts.html").module

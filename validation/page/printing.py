@@ -11,7 +11,7 @@ from validation.core.agreement import Agreement
 from validation.core.answers import averaging_time_sentence, crosswind_scope_text, outcome_of_run
 from validation.core.measures import broke_in_compared_part
 from validation.core.methods import find_method
-from validation.core.quantities import design_row_texts, key_numbers, limit_row_texts, text_with_bar
+from validation.core.quantities import design_row_texts, key_numbers, limit_row_texts, text_with_error_bar
 from validation.page import terminal
 from validation.page.answer import EVENTS
 from validation.page.page import Row
@@ -48,7 +48,7 @@ def print_run_summary(scene: Scene, r: Response) -> None:
     onset = next((row for row in r.design if row["quantity"] == "slack_onset"), None)
     if onset is not None:
         bar = onset["bar"]
-        at = text_with_bar(onset["value"] * r.length, bar and bar * r.length)
+        at = text_with_error_bar(onset["value"] * r.length, bar and bar * r.length)
         after = "the rope carries no compression"
         if r.law == "elastic":
             after = "this elastic law carries compression, and means nothing"
@@ -77,12 +77,12 @@ def print_design_numbers(design: Sequence[Row]) -> None:
 def print_last_five_events(events: Sequence[Row]) -> None:
     """Print the last five events, one per row."""
     for x in events[-5:]:
-        t = text_with_bar(x["t"], x.get("bar_t"))
-        s_o = text_with_bar(x["s_o"], x.get("bar_s_o"))
+        t = text_with_error_bar(x["t"], x.get("bar_t"))
+        s_o = text_with_error_bar(x["s_o"], x.get("bar_s_o"))
         speed = ""
         if x["event"] not in ("stop", "turn"):
             bar = x.get("bar_speed")
-            speed = f" with {text_with_bar(3.6 * x['speed'], bar and 3.6 * bar)} km/h"
+            speed = f" with {text_with_error_bar(3.6 * x['speed'], bar and 3.6 * bar)} km/h"
         terminal.print_text(f"  {x['event'].replace('_', ' '):<10}  after {t} s at {s_o} m{speed}")
 
 

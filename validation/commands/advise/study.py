@@ -39,11 +39,11 @@ from validation.core.refine import (
     BUDGET,
     Gap,
     TooCoarse,
-    gap_bar_parts,
+    gap_error_bar_parts,
     refine_to_tolerance,
     refine_until_goal_met,
 )
-from validation.core.rows import tolerance_of_kind
+from validation.core.rows import tolerance_of_quantity_kind
 from validation.core.running import run
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.view import View
@@ -92,7 +92,7 @@ NEEDS_OF_DRIVE = {
 def relative_tolerances_by_need(scene: Scene, tol: float) -> ByNeed:
     """The tolerance of each need of a scene, relative, from that of the path."""
     needs = NEEDS_OF_DRIVE[scene.drive.mode]
-    return {need: tolerance_of_kind("force" if need in FORCE_NEEDS else "path", tol, None) for need in needs}
+    return {need: tolerance_of_quantity_kind("force" if need in FORCE_NEEDS else "path", tol, None) for need in needs}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,7 +152,7 @@ def advice(scene: Scene, tol: float, report: Progress = no_progress) -> Row:
     view = View.of_scene(scene)
     ladder = _refine_full_model_within_budget(scene, view, tol, tolerances, report)
     full = ladder.finest
-    bars = {need: sum(gap_bar_parts(ladder, view, *NEEDS[need])) for need in tolerances}
+    bars = {need: sum(gap_error_bar_parts(ladder, view, *NEEDS[need])) for need in tolerances}
     rungs = [Rung("full", "mass", full.seconds, bars, full)]
     if all(map(math.isfinite, bars.values())):
         view = view.cut_to_valid_range(full)
@@ -202,7 +202,7 @@ def _refine_full_model_within_budget(
         """The need whose bar exceeds its share most."""
         goals = []
         for need, limit in tolerances.items():
-            goals.append(Goal(gap_bar_parts(ladder, view, *NEEDS[need]), SHARE * limit, FIRST))
+            goals.append(Goal(gap_error_bar_parts(ladder, view, *NEEDS[need]), SHARE * limit, FIRST))
         return max(goals, key=lambda goal: goal.bar_over_target)
 
     return refine_until_goal_met(scene, ladder, worst_goal, budget=budget, until=view.last_needed_relative_position)

@@ -363,7 +363,7 @@ class _SeriesTimer:
             begin = time.process_time()
             r = refine_to_tolerance(self.scene, method, settings["tol"], until=stop).finest
             seconds = time.process_time() - begin
-            results = _bar_and_chosen_settings(r)
+            results = _error_bar_and_chosen_settings(r)
         else:
             r = run(self.scene, method, model=self.series.model, until=stop, **settings)
             seconds = r.seconds
@@ -408,10 +408,10 @@ class _SeriesTimer:
             except FileNotFoundError:
                 raise ValueError("the command wrote no response") from None
         results = self.reference.status_and_errors_of_response(r)
-        return results | _bar_and_chosen_settings(r) | {"reached": r.reached}, seconds
+        return results | _error_bar_and_chosen_settings(r) | {"reached": r.reached}, seconds
 
 
-def _bar_and_chosen_settings(r: Response) -> Row:
+def _error_bar_and_chosen_settings(r: Response) -> Row:
     return {"bar": r.path_error, "chosen": METHODS[r.method].resolution_and_steps(r.settings)}
 
 

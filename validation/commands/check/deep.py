@@ -19,7 +19,7 @@ from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
 from validation.core.order import SAFETY
-from validation.core.refine import path_bar_from_coarser_runs, run_with_error_bars
+from validation.core.refine import path_error_bar_from_coarser_runs, run_with_error_bars
 from validation.core.view import View
 
 ROUNDING = 1e-8
@@ -58,7 +58,7 @@ def _rolling_start_against_statics_row(scene: Scene, elements: Ladder) -> Agreem
     def distance_from_rest(x: Response) -> float:
         return math.hypot(x.x[0] - at[0], x.y[0] - at[1]) / r.max_deflection
 
-    bar = BoundPart(r.method, elements.bar(distance_from_rest), HALVED)
+    bar = BoundPart(r.method, elements.error_bar(distance_from_rest), HALVED)
     return _row_with_error_bars(distance_from_rest(r), bar, BoundPart("rounding", ROUNDING))
 
 
@@ -127,7 +127,7 @@ def _path_against_degree_4_row(scene: Scene, elements: Ladder) -> Agreement:
     other = run_with_error_bars(scene, "following-p4", until=view.last_needed_relative_position, **finer)
     window = view.cut_to_valid_range(r, other.finest).window
     gap = measures.relative_path_gap(other.finest, r, window).largest
-    bars = [BoundPart(x.method, path_bar_from_coarser_runs(x), HALVED) for x in (r, other.finest)]
+    bars = [BoundPart(x.method, path_error_bar_from_coarser_runs(x), HALVED) for x in (r, other.finest)]
     return _row_with_error_bars(gap, *bars)
 
 

@@ -239,7 +239,7 @@ def check_line(
     units = both.units_with_tolerances(tol, tol_tension)
     designs = both.design_numbers_of_each
     result = answer_line(line, rest=both.a)
-    result = replace(result, design=_design_with_bars(result.design, designs[1], designs[2]))
+    result = replace(result, design=_design_with_error_bars(result.design, designs[1], designs[2]))
     rows = [*worst_state_rows(both, *units), *worst_design_number_rows(both, *units)]
     alone = _solved_by_one_row(both)
     if alone is not None:
@@ -248,7 +248,7 @@ def check_line(
     return replace(result, rows=rows + _rows_of_outputs_read_back(result))
 
 
-def _design_with_bars(design: Sequence[Row], coarser: Sequence[Row], other: Sequence[Row]) -> list[Row]:
+def _design_with_error_bars(design: Sequence[Row], coarser: Sequence[Row], other: Sequence[Row]) -> list[Row]:
     """Design numbers with bars: the change from the coarser answer, at least the gap to the other solver."""
     values = [{d["quantity"]: d["value"] for d in x} for x in (coarser, other)]
     out = []

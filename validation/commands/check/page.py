@@ -43,7 +43,7 @@ def sections(folder: Path) -> list[Section]:
     if x.third_party:
         content["third"] = third_party_verdict_and_sentence(x.comparison_rows, x.third_party.method)
     content["groups"] = _summary_rows_of_groups(x.comparison_rows)
-    content["distance"] = draw.plot_path_distance_with_bars(x) if len(x.runs) > 1 else ""
+    content["distance"] = draw.plot_path_distance_with_error_bars(x) if len(x.runs) > 1 else ""
     return render_sections(__package__, **content)
 
 

@@ -25,28 +25,28 @@ from validation.core.agreement import (
     worst_deciding_verdict,
 )
 from validation.core.answers import Outcome, outcome_of_run
-from validation.core.design import design_gap_rows, design_numbers, widen_bars_to_gaps
+from validation.core.design import design_gap_rows, design_numbers, widen_error_bars_to_gaps
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Goal, Ladder
 from validation.core.methods import CHECKED, Method, find_method, scaled_settings
 from validation.core.quantities import design_row_texts, key_numbers
-from validation.core.quasi_static import quasi_static_events_with_bars
+from validation.core.quasi_static import quasi_static_events_with_error_bars
 from validation.core.refine import (
     BUDGET,
     TooCoarse,
     exceeds_work_budget,
     next_settings,
-    path_bar_from_coarser_runs,
+    path_error_bar_from_coarser_runs,
     refine_to_tolerance,
     run_with_error_bars,
 )
 from validation.core.remedy import Remedies, with_remedy_note
 from validation.core.rows import (
     compare_answers,
-    events_with_bars,
-    events_with_widened_bars,
+    events_with_error_bars,
+    events_with_widened_error_bars,
     quasi_static_event_rows,
-    tolerance_of_kind,
+    tolerance_of_quantity_kind,
     worse_law_rows,
     worse_recomputed_rows,
 )
@@ -174,15 +174,15 @@ def check(
         raise ValueError(f"scene {scene.name!r} has no car: there is nothing to compare")
     if until is not None:
         refuse_out_of_range("until", until, View.of_scene(scene).last_needed_relative_position or 1.0, 1.0)
-    tolerance = partial(tolerance_of_kind, tol=tol, tol_tension=tol_tension)
+    tolerance = partial(tolerance_of_quantity_kind, tol=tol, tol_tension=tol_tension)
     sides = _methods_with_tolerance_shares((scene, second or scene), methods, tol, until)
     (first, other), rows = _refine_and_compare(scene, sides, tolerance, ask, progress)
     own_a = _with_design_and_events(first, other)
     own_b = _with_design_and_events(other, first)
     rows += design_gap_rows(own_a, own_b, tolerance("rest"))
-    a = _with_widened_bars(own_a, own_b, rows)
-    b = _with_widened_bars(own_b, own_a, rows)
-    static = quasi_static_events_with_bars(scene, a.finest.max_deflection)
+    a = _with_widened_error_bars(own_a, own_b, rows)
+    b = _with_widened_error_bars(own_b, own_a, rows)
+    static = quasi_static_events_with_error_bars(scene, a.finest.max_deflection)
     rows += quasi_static_event_rows(a, static, tolerance("rest"))
     rows += mark_deciding_rows(worse_recomputed_rows(scene, a.finest, b.finest), ask)
     if deep:
@@ -320,7 +320,7 @@ def _goals_for_row(row: Agreement, method: str, for_larger_bar: bool) -> Iterato
         bar = sum(parts)
         if of.name != method or (bar == largest) is not for_larger_bar:
             continue
-        room = _room_for_bar(row, bar)
+        room = _room_for_error_bar(row, bar)
         if for_larger_bar:
             room = max(room, row.required / 2.0)
         if room <= 0.0:
@@ -329,7 +329,7 @@ def _goals_for_row(row: Agreement, method: str, for_larger_bar: bool) -> Iterato
         yield Goal(parts, room * falls, math.inf if "path" in row.quantity else 1.0)
 
 
-def _room_for_bar(row: Agreement, bar: float) -> float:
+def _room_for_error_bar(row: Agreement, bar: float) -> float:
     """What the other bars of a row leave of its tolerance."""
     assert row.required is not None
     others = row.allowed - bar if math.isfinite(row.allowed) else 0.0
@@ -345,11 +345,11 @@ def _import_judging_modules() -> None:
 def _with_design_and_events(ladder: Ladder, counterpart: Ladder) -> Ladder:
     """The ladder with design numbers and events of its finest run."""
     design = design_numbers(ladder, counterpart)
-    finest = replace(ladder.finest, design=design, events=events_with_bars(ladder))
+    finest = replace(ladder.finest, design=design, events=events_with_error_bars(ladder))
     return replace(ladder, finest=finest)
 
 
-def _with_widened_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement]) -> Ladder:
+def _with_widened_error_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement]) -> Ladder:
     """The ladder with bars of its finest run that are at least the gap to the other solver."""
     gap = {row.quantity: row.gap for row in rows if not row.law and math.isfinite(row.gap)}
 
@@ -358,8 +358,8 @@ def _with_widened_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement
 
     r = ladder.finest
     other = counterpart.finest
-    design = widen_bars_to_gaps(r.design, other.design)
-    events = events_with_widened_bars(r.events, other.events)
+    design = widen_error_bars_to_gaps(r.design, other.design)
+    events = events_with_widened_error_bars(r.events, other.events)
     path_error = at_least_gap(r.path_error, "path_max")
     tension_error = at_least_gap(r.tension_error, "tension")
     widened = replace(r, design=design, events=events, path_error=path_error, tension_error=tension_error)
@@ -369,7 +369,7 @@ def _with_widened_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement
 def with_third_party_rows(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
     """The check with rows of a third party, against our solver with the smaller bar."""
     ladders = check.a, check.b
-    best = min(ladders, key=lambda ladder: path_bar_from_coarser_runs(ladder.finest))
+    best = min(ladders, key=lambda ladder: path_error_bar_from_coarser_runs(ladder.finest))
     rows = list(foreign.third_party_rows(path, best, check.window, with_tol))
     if isinstance(path, ForeignPath):
         remedies = Remedies(path, check.scene, ladders, check.window, with_tol)

@@ -33,7 +33,7 @@ from validation.commands.find.condition import (
 )
 from validation.core import store
 from validation.core.answers import outcome_of_run
-from validation.core.quantities import text_with_bar
+from validation.core.quantities import text_with_error_bar
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.store import Refused
 from validation.page.answer.many import write_csv_rows
@@ -75,7 +75,7 @@ class Threshold:
             text = f"about {float(f'{self.value:.2g}'):g}"
             sure += ", but its error bar leaves no digit of that"
         else:
-            text = text_with_bar(self.value, self.interval_width if self.bar is None else self.bar)
+            text = text_with_error_bar(self.value, self.interval_width if self.bar is None else self.bar)
             sure += "" if self.bar is not None else ", whose own error is not known"
         return f"{side} {f'{text} {self.unit}'.rstrip()}; {beyond}: {self.fails}; {sure}"
 
@@ -188,7 +188,7 @@ def find(
         for a, b in itertools.pairwise(values):
             if search.condition_holds_at(a) is not search.condition_holds_at(b):
                 changes.append(search.bisect_threshold(a, b))
-        changes = [search.with_bar_and_verdict(threshold, check) for threshold in changes]
+        changes = [search.with_error_bar_and_verdict(threshold, check) for threshold in changes]
     except KeyboardInterrupt:
         raise Interrupted(FindResult(key, so_that, changes, search.tried_rows(), interrupted=True)) from None
     return FindResult(key, so_that, changes, search.tried_rows())
@@ -371,7 +371,7 @@ class _Search:
             return f"there is no {clause.name}: {answer.sentence}"
         return f"{clause.name} {'<' if clause.sign > 0.0 else '>'} {clause.right} {clause.unit}".rstrip()
 
-    def with_bar_and_verdict(self, threshold: Threshold, by_check: bool) -> Threshold:
+    def with_error_bar_and_verdict(self, threshold: Threshold, by_check: bool) -> Threshold:
         """The threshold with its bar: that of the number over its slope, or a range that the full model confirms.
 
         by_check : by both solvers, else by the model of the search, which leaves words without a bar.
@@ -386,7 +386,7 @@ class _Search:
             threshold = replace(threshold, verdict=verdict)
             number = clause.number_in(answer) if numeric else None
             if number is None:
-                return self._with_bar_by_full_model(threshold) if by_check else threshold
+                return self._with_error_bar_by_full_model(threshold) if by_check else threshold
             slope = abs(after[i] - before[i]) / threshold.interval_width
             off = abs(clause.margin(answer) - before[i])
             bar = math.inf if number.bar is None else max((off + number.bar) / slope, threshold.interval_width)
@@ -406,7 +406,7 @@ class _Search:
             self.progress("check", 0.95)
             yield checked_answer_and_verdict(scene, tol)
 
-    def _with_bar_by_full_model(self, threshold: Threshold) -> Threshold:
+    def _with_error_bar_by_full_model(self, threshold: Threshold) -> Threshold:
         """The threshold with half of a range at whose ends the full model says the same, if one was found."""
         full = replace(self, model="full", answers_by_value={})
         side = math.copysign(1.0, threshold.fails_at - threshold.holds_at)

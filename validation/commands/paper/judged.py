@@ -82,7 +82,7 @@ def _converged_and_paper_value(entry: Row, variables: Row) -> Row:
     runs = variables["runs"]
     reference = variables["reference"]
     bar = evaluate_expression(entry.get("bar", 0.0), variables)
-    bar += sum(reference[scene].cross_checked_bar(lambda run, scene=scene: value(**{scene: run})) for scene in of)
+    bar += sum(reference[scene].cross_checked_error_bar(lambda run, scene=scene: value(**{scene: run})) for scene in of)
     if "r" in entry:
         first, *others = (runs.get(x, x) for x in (entry["r"], *entry.get("others", ())))
         variables = variables | {"r": first}

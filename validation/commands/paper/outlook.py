@@ -9,7 +9,7 @@ from cablefem.response import Array
 from cablefem.scene.line import Line
 from validation.commands.run.motion import ELEMENTS, LineRuns
 from validation.core.ladder import Ladder
-from validation.core.motion_rows import design_with_bars, turning_and_wheel_load_series
+from validation.core.motion_rows import design_with_error_bars, turning_and_wheel_load_series
 from validation.page.motion import motion_unit
 
 ANGLES = ("0", "5", "15")  # [deg] of the thrust above the line of the wheels
@@ -46,10 +46,10 @@ def _ride_numbers(ladder: Ladder, point_mass: Ladder, line: Line) -> Row:
     def distance_from_point_mass(run: Any) -> float:
         return float(np.abs(_car_depths_at_positions(run) - depths_of_point_mass).max())
 
-    away = _value_with_bar(ladder, distance_from_point_mass)
-    away["bar"] += point_mass.bar(distance_from_point_mass)
-    numbers = {"end": _value_with_bar(ladder, end), "away": away}
-    for row in design_with_bars(ladder, None, line, motion_unit):
+    away = _value_with_error_bar(ladder, distance_from_point_mass)
+    away["bar"] += point_mass.error_bar(distance_from_point_mass)
+    numbers = {"end": _value_with_error_bar(ladder, end), "away": away}
+    for row in design_with_error_bars(ladder, None, line, motion_unit):
         numbers[row["quantity"]] = row
     loads = {}
     for name, load in turning_and_wheel_load_series(car).items():
@@ -69,5 +69,5 @@ def _car_depths_at_positions(run: Any) -> Array:
     return np.interp(POSITIONS, x, y)
 
 
-def _value_with_bar(ladder: Ladder, value_of_run: Callable[[Any], float]) -> Row:
-    return {"value": value_of_run(ladder.finest), "bar": ladder.bar(value_of_run)}
+def _value_with_error_bar(ladder: Ladder, value_of_run: Callable[[Any], float]) -> Row:
+    return {"value": value_of_run(ladder.finest), "bar": ladder.error_bar(value_of_run)}

@@ -16,9 +16,9 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.paper.judged import render_sentence
 from validation.core import store
-from validation.core.quantities import text_with_bar
+from validation.core.quantities import text_with_error_bar
 from validation.page.figures import captioned_figure, figure_with_axes, report_style
-from validation.page.page import Section, number_text, render_sections, typeset_bar_and_minus
+from validation.page.page import Section, number_text, render_sections, typeset_error_bar_and_minus
 from validation.page.plot import BLACK, BLUE, GREY
 
 FIGURES = store.read_packaged_toml(__package__, "figures.toml")
@@ -44,7 +44,12 @@ def sections(folder: Path) -> list[Section]:
     names = FIGURES["scenes"]
     references = [x | {"name": names[scene]} for scene, x in content["references"].items()]
     return render_sections(
-        __package__, content=content, parts=parts, references=references, value=_value_text, text_with_bar=text_with_bar
+        __package__,
+        content=content,
+        parts=parts,
+        references=references,
+        value=_value_text,
+        text_with_error_bar=text_with_error_bar,
     )
 
 
@@ -53,7 +58,7 @@ def _value_text(value: float | None, quantity: Table, bar: float | None = None) 
     if value is None:
         return "–"
     if bar and bar > 1e-6 * abs(value):
-        return typeset_bar_and_minus(text_with_bar(value, bar))
+        return typeset_error_bar_and_minus(text_with_error_bar(value, bar))
     ends = quantity["low"], quantity["high"]
     distances = [abs(value / end - 1.0) for end in ends if end and end != value]
     digits = 2 - np.floor(np.log10(min(distances, default=1.0)))

@@ -35,20 +35,20 @@ class Reference:
     ladder: Ladder
     cross: Response
 
-    def cross_checked_bar(self, value_of_run: Callable[[Response], float]) -> float:
+    def cross_checked_error_bar(self, value_of_run: Callable[[Response], float]) -> float:
         """Bar of a number, at least the distance to the other solver."""
         distance = abs(value_of_run(self.ladder.finest) - value_of_run(self.cross))
-        return max(float(self.ladder.bar(value_of_run)), distance)
+        return max(float(self.ladder.error_bar(value_of_run)), distance)
 
     @property
-    def cross_checked_relative_path_bar(self) -> float:
+    def cross_checked_relative_path_error_bar(self) -> float:
         """Bar of the path in the window, over its largest deflection."""
         window = measures.common_window(*self.ladder.runs, self.cross)
 
         def gap(a: Response, b: Response) -> float:
             return measures.relative_path_gap(a, b, window).largest
 
-        return max(float(self.ladder.bar(identity, gap)), gap(self.cross, self.ladder.finest))
+        return max(float(self.ladder.error_bar(identity, gap)), gap(self.cross, self.ladder.finest))
 
 
 @dataclass(frozen=True, slots=True)

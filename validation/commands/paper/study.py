@@ -29,8 +29,9 @@ def paper(out: Path, report: Progress = no_progress, *, quick: bool = False) -> 
         r = reference.ladder.finest
         references[scene] = {
             "method": r.method, "settings": r.settings, "crossed_by": reference.cross.method,
-            "path_bar": reference.cross_checked_relative_path_bar, "slack_onset": r.slack_onset,
-            "largest_v": _relative_deflection(r), "largest_v_bar": reference.cross_checked_bar(_relative_deflection),
+            "path_bar": reference.cross_checked_relative_path_error_bar, "slack_onset": r.slack_onset,
+            "largest_v": _relative_deflection(r),
+            "largest_v_bar": reference.cross_checked_error_bar(_relative_deflection),
         }  # fmt: skip
     content = {
         "quick": quick, "claims": claims, "count": {verdict: counts[verdict] for verdict in judged.VERDICTS},

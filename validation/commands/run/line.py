@@ -70,7 +70,7 @@ def _rope_tensions_and_clearances(line: Line, state: LineState) -> Row:
         depths, _ = catenary_line.depth_and_tension_at_x(state, np.array([obstacle.at]))
         out[f"clearance_rope:{obstacle.name}"] = obstacle.top - float(depths[0])
     if line.ground:
-        out[f"clearance_rope:{GROUND}"] = catenary_line.min_clearance(state, np.array(line.ground))
+        out[f"clearance_rope:{GROUND}"] = catenary_line.min_rope_clearance(state, np.array(line.ground))
     return out
 
 

@@ -29,7 +29,7 @@ from validation.core.clearances import rope_depths
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import (
     LineRun,
-    design_with_bars,
+    design_with_error_bars,
     turning_and_wheel_load_series,
 )
 from validation.core.readback import (
@@ -626,7 +626,7 @@ def motion_answers(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agree
     """The answers of ladder a with bars from its coarser runs; b : the other method's ladder, if there is one."""
     finest: Any = a.finest
     other: Any = None if b is None else b.finest
-    design = design_with_bars(a, b, line, motion_unit)
+    design = design_with_error_bars(a, b, line, motion_unit)
     empty = line.solve_empty_line(catenary_line.solve)
     return MotionAnswers(line=line, moved=finest, empty=empty, design=design, other=other, rows=list(rows))
 

@@ -16,7 +16,7 @@ from validation.core.flags import with_flag
 from validation.core.methods import Method, find_method
 from validation.core.quasi_static import quasi_static, with_inertia_error_bars
 from validation.core.refine import TooCoarse, refine_to_tolerance, refine_until_goal_met, run_with_error_bars
-from validation.core.rows import events_with_bars, worst_force_goal
+from validation.core.rows import events_with_error_bars, worst_force_goal
 from validation.core.running import run
 from validation.core.sampling import FRAMES
 from validation.core.sidebyside import no_progress
@@ -60,7 +60,9 @@ def run_with_design_numbers(
     except TooCoarse as error:
         ladder = error.ladder
         missed = str(error)
-    return AnsweredRun(replace(ladder.finest, design=design_numbers(ladder), events=events_with_bars(ladder)), missed)
+    return AnsweredRun(
+        replace(ladder.finest, design=design_numbers(ladder), events=events_with_error_bars(ladder)), missed
+    )
 
 
 def _with_lazy_design_numbers(
@@ -73,7 +75,7 @@ def _with_lazy_design_numbers(
     def numbers_by_coarser_runs() -> Fields:
         ladder = run_with_error_bars(scene, method, earlier_runs=[r], **options)
         numbers = {name: getattr(ladder.finest, name) for name in ("flags", *_ERRORS)}
-        return numbers | {"design": design_numbers(ladder), "events": events_with_bars(ladder)}
+        return numbers | {"design": design_numbers(ladder), "events": events_with_error_bars(ladder)}
 
     return _with_fields_computed_together(r, ("flags", *_ERRORS, "design", "events"), numbers_by_coarser_runs)
 

@@ -62,7 +62,7 @@ class Tally:
 
 def sweep(
     study: Study, out: Path | str, *, workers: int | None = None, scheduler: str | None = None,
-    progress: Progress = no_progress, work: Work = job.rows_of_points,
+    progress: Progress = no_progress, work: Work = job.compute_rows_of_points,
 ) -> Tally:  # fmt: skip
     """Compute every point of a study that has no row in out/rows yet; after a kill the same call goes on.
 

@@ -63,7 +63,7 @@ def cut_off_after(seconds: float) -> Iterator[None]:
             timer.cancel()
 
 
-def rows_of_points(study: Study, numbered_points: list[tuple[int, Point]]) -> list[Row]:
+def compute_rows_of_points(study: Study, numbered_points: list[tuple[int, Point]]) -> list[Row]:
     return [row_of_point_or_failure(study, index, point) for index, point in numbered_points]
 
 

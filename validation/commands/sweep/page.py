@@ -45,7 +45,7 @@ def sections(folder: Path) -> list[Section]:
     few = 5
     first = unfinished[unfinished["reason"].notna()].head(few)
     reasons = [{"scene": i, "reason": reason_on_one_line(x["status"], x["reason"])} for i, x in first.iterrows()]
-    bars = bar_coverage_rows(rows) if rows["true_error"].notna().any() else []
+    bars = error_bar_coverage_rows(rows) if rows["true_error"].notna().any() else []
     maps = list(_draw_maps(study, rows))
     shown = _thinned_rows(rows)
     data = json.dumps(_explorer_data(study, file, shown)).replace("<", "\\u003c")
@@ -76,7 +76,7 @@ def _count_table(rows: DataFrame, by: list[str], caption: str) -> Markup:
 OF = {"path": ("path_error", "true_error", "doubt"), "tension": ("tension_error", "true_tension", "doubt_tension")}
 
 
-def bar_coverage_rows(rows: DataFrame) -> list[dict[str, Any]]:
+def error_bar_coverage_rows(rows: DataFrame) -> list[dict[str, Any]]:
     """Table rows that say whether the bars hold, by method.
 
     Judged where the two finer runs differ by less than a third of the bar or of the error.

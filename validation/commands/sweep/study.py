@@ -127,7 +127,7 @@ class Study(Part):
         faults += self._method_and_setting_faults()
         faults += self._faults_of_entries_without_meaning()
         faults += self._missing_entry_faults()
-        return faults + self._contradiction_faults()
+        return faults + self._faults_of_keys_set_twice()
 
     def _missing_entry_faults(self) -> list[str]:
         """Faults of what the job needs, of groups that make a scene, and of a base scene without a mass."""
@@ -171,7 +171,7 @@ class Study(Part):
         chosen = {"steps", *(method.resolution.setting for method in METHODS.values())}
         return [f"settings.{x}: tol chooses it; leave one of them out" for x in self.settings if x in chosen]
 
-    def _contradiction_faults(self) -> list[str]:
+    def _faults_of_keys_set_twice(self) -> list[str]:
         """Faults of keys of the scene that another axis sets, too; without a base scene all of those do."""
         faults = []
         for group, keys in SET_BY.items():

@@ -184,11 +184,11 @@ class _StoredDemandValues:
         for number in design:
             if number["value"] is not None:
                 kind, _, of = number["quantity"].partition(":")
-                self.by_kind.setdefault(kind, {})[of] = self._value_and_bar(number, "value", "bar")
+                self.by_kind.setdefault(kind, {})[of] = self._value_and_error_bar(number, "value", "bar")
         if "breaking_load" in scene["cable"]:
             self.by_kind["breaking_load"] = {"": _ValueAndBar(scene["cable"]["breaking_load"], 0.0)}
 
-    def _value_and_bar(self, row: Row, value: str, bar: str) -> _ValueAndBar:
+    def _value_and_error_bar(self, row: Row, value: str, bar: str) -> _ValueAndBar:
         known = row.get(bar)
         return _ValueAndBar(row[value], self.without_bar if known is None else known)
 
@@ -196,7 +196,7 @@ class _StoredDemandValues:
         """The value of a demand; None where it is unknown."""
         if demand == "arrival_speed":
             first = next((x for x in self.events if x["event"] in ("brake", "arrival")), None)
-            return None if first is None else self._value_and_bar(first, "speed", "bar_speed")
+            return None if first is None else self._value_and_error_bar(first, "speed", "bar_speed")
         if demand == "swing_along":
             swings = [*self._design_numbers_of_kind("swing_max"), *self._design_numbers_of_kind("swing_min")]
             return _tangent_of_widest(swings) if swings else None

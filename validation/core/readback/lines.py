@@ -131,7 +131,7 @@ class _MovingLine:
     def outcome_faults(self) -> Faults:
         """Faults of the kind of outcome, and of its sentence."""
         clearances = [number for name, number in self.design.items() if name.startswith("clearance")]
-        hit = [number for number in clearances if _upper_end_of_bar(number) < TOUCHES]
+        hit = [number for number in clearances if _upper_end_of_error_bar(number) < TOUCHES]
         kind = self._expected_outcome_kind(hit)
         if self.summary["outcome_kind"] != kind:
             yield f"outcome: {self.summary['outcome_kind']} where the files say {kind}"
@@ -151,7 +151,7 @@ class _MovingLine:
         """The kind of outcome that numbers say, the first that holds, else that of the end."""
         if self.summary["status"] != "complete":
             return "incomplete"
-        if "safety_factor_min" in self.design and _upper_end_of_bar(self.design["safety_factor_min"]) < 1.0:
+        if "safety_factor_min" in self.design and _upper_end_of_error_bar(self.design["safety_factor_min"]) < 1.0:
             return "breaks"
         return "collides" if hit else self._expected_outcome_kind_at_end()
 
@@ -205,6 +205,6 @@ class _MovingLine:
         yield f"{self.last_event or 'ends'} after {self.end:.1f} s"
 
 
-def _upper_end_of_bar(number: Row) -> float:
+def _upper_end_of_error_bar(number: Row) -> float:
     """Largest possible value of a design number; of an unknown bar the value itself."""
     return float(number["value"] + (number["bar"] or 0.0))

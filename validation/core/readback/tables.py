@@ -127,13 +127,13 @@ def _shows_comparison(cells: Sequence[str], row: Row) -> bool:
     words = [comparison_words(row), row["verdict"] or "–", "asked" if row["asked"] else "shown only"]
     if [name, verdict.lstrip("✓✗≈? "), counts] != words:
         return False
-    if not shows_gap_bars_and_tolerance(numbers, row, 3):
+    if not shows_gap_error_bars_and_tolerance(numbers, row, 3):
         return False
     at = row.get("where")
     return where == "–" if at is None else shows_decimals(where, at, "", 3)
 
 
-def shows_gap_bars_and_tolerance(texts: Sequence[str], row: Row, digits: int) -> bool:
+def shows_gap_error_bars_and_tolerance(texts: Sequence[str], row: Row, digits: int) -> bool:
     """Whether texts show gap, bars and tolerance of a comparison."""
     values = [row.get(name) for name in ("gap", "allowed", "asked_for")]
     return all(shows_value(text, value, digits=digits) for text, value in zip(texts, values, strict=True))

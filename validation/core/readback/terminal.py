@@ -18,7 +18,7 @@ from validation.core.readback.tables import (
     design_number_faults,
     event_row_faults,
     no_faults_in_words,
-    shows_gap_bars_and_tolerance,
+    shows_gap_error_bars_and_tolerance,
     verdict_count_faults,
 )
 from validation.core.readback.texts import quantity_words, shows_value
@@ -133,7 +133,9 @@ def _printed_comparison_faults(text: str, stored: StoredResults) -> Faults:
     name, *cells, verdict = re.split("  +", text)
     for row in stored.rows:
         words = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
-        if (name, verdict) == (words, row["verdict"] or "shown") and shows_gap_bars_and_tolerance(cells[:3], row, 2):
+        if (name, verdict) == (words, row["verdict"] or "shown") and shows_gap_error_bars_and_tolerance(
+            cells[:3], row, 2
+        ):
             return
     yield f"{text!r} is no comparison in agreement.json"
 

@@ -89,7 +89,7 @@ def _third_party_series(third_party: Any, values_of: Callable[..., Any]) -> Arra
     return None if isinstance(values, Undefined) else values
 
 
-def plot_path_distance_with_bars(answer: StoredAnswer) -> Markup:
+def plot_path_distance_with_error_bars(answer: StoredAnswer) -> Markup:
     """Draw the distance of both paths, of a third party's too, and the sum of both error bars."""
     a, b = answer.runs
     over_time = answer.is_free_ride
@@ -100,7 +100,7 @@ def plot_path_distance_with_bars(answer: StoredAnswer) -> Markup:
     p = Panel(f"apart [{unit}]", height=150.0)
     p.add_curve(abscissa, factor * gap, BLACK, "", 1.6, "distance of the paths")
     largest = float(inside.max(initial=0.0))
-    bars = _sum_of_path_bars(answer)
+    bars = _sum_of_path_error_bars(answer)
     if bars is not None:
         ends = np.array(answer.compared_time_range(a))
         if not over_time:
@@ -115,7 +115,7 @@ def plot_path_distance_with_bars(answer: StoredAnswer) -> Markup:
     return _figure_with_events(answer, [p], "How far the two paths of the car are apart.", over_time=over_time)
 
 
-def _sum_of_path_bars(answer: StoredAnswer) -> float | None:
+def _sum_of_path_error_bars(answer: StoredAnswer) -> float | None:
     """Sum of both solvers' error bars of the path [m]."""
     for row in answer.comparison_rows:
         if row["quantity"] == "path_max" and not row.get("with"):  # another program
