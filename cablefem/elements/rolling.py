@@ -96,10 +96,10 @@ class RollingElements(RollingCar, FollowingElements):
         self._set_start_of_event_search(t, len(taken.ends))
         return taken
 
-    def _set_start_of_event_search(self, ends: Array, taken: int) -> None:
-        """Let events be looked for from the last tenth of the last step taken on; ends : [s] of all steps."""
+    def _set_start_of_event_search(self, step_end_times: Array, taken: int) -> None:
+        """Let events be looked for from the last tenth of the last step taken on; step_end_times : [s] of all."""
         if taken > 1:
-            begin, end = ends[taken - 2 : taken].tolist()
+            begin, end = step_end_times[taken - 2 : taken].tolist()
             self.events_from = begin + 0.9 * (end - begin)
 
     def _car_and_kernel_inputs(self, t: Array, phase: int) -> tuple[Any, Array]:

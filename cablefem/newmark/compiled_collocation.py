@@ -180,7 +180,7 @@ def set_node_state_from_accelerations(step: Any, i: int, x: Array) -> None:
 
 
 @inner
-def set_end_state(step: Any, end: Array) -> None:
+def set_end_state(step: Any, end_state: Array) -> None:
     """Set q and v at the end of a step, from the accelerations of its nodes."""
     q0 = step.start[0]
     v0 = step.start[1]
@@ -191,8 +191,8 @@ def set_end_state(step: Any, end: Array) -> None:
         for i in range(step.a.shape[0]):
             twice += step.rule.ends[0, i] * step.a[i, j]
             once += step.rule.ends[1, i] * step.a[i, j]
-        end[0, j] = q0[j] + dt * (v0[j] + dt * twice)
-        end[1, j] = v0[j] + dt * once
+        end_state[0, j] = q0[j] + dt * (v0[j] + dt * twice)
+        end_state[1, j] = v0[j] + dt * once
 
 
 @inner

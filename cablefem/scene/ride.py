@@ -251,7 +251,7 @@ class _RideSolver:
         self.events: list[Event] = []
         self.sections: list[tuple[float, float, Callable]] = []
 
-    def roll_to_end(self) -> Ride:
+    def roll_to_end_of_ride(self) -> Ride:
         """Roll and rest until the ride is over."""
         while self.t < self.end:
             if self.v == 0.0 and not self._rest_until_departure():
@@ -387,7 +387,7 @@ class _RideSolver:
 
 def roll_ride(path: LoadPath, mu: float, sigma: float, drive: Drive, max_turns: float = math.inf) -> Ride:
     """Roll until arrival, final rest, so many turns, or the end of time."""
-    return _RideSolver(path, mu, sigma, drive, max_turns).roll_to_end()
+    return _RideSolver(path, mu, sigma, drive, max_turns).roll_to_end_of_ride()
 
 
 def ride_and_completed_drive(groups: Groups, drive: Drive) -> tuple[Ride, Drive]:

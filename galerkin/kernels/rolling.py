@@ -467,16 +467,22 @@ def update_history_return_ride(
 
 @inner
 def car_at_step_end(
-    ride: Ride | None, history: CarHistory | None, sines: CableSines, kinematics: Array, rule: Array, i: int, end: Array
+    ride: Ride | None,
+    history: CarHistory | None,
+    sines: CableSines,
+    kinematics: Array,
+    rule: Array,
+    i: int,
+    end_state: Array,
 ) -> Car:
     """The car at the end of step i; a hauled one where the step is balanced."""
     if ride is None or history is None or history.t.size == 0:
         return NO_CAR
     if ride.mode == HAULED:
-        return car_by_slopes_without_thrust(ride.loads, sines, kinematics_in_row(kinematics, i), end)
+        return car_by_slopes_without_thrust(ride.loads, sines, kinematics_in_row(kinematics, i), end_state)
     t = history.t[i] + (1.0 - rule[0, 4]) * rule[0, 1]
     loads = ride_at_time(ride, history.mean_acceleration, t, 0.0).loads
-    return car_by_slopes_without_thrust(loads, sines, kinematics_of_free_car(end), end)
+    return car_by_slopes_without_thrust(loads, sines, kinematics_of_free_car(end_state), end_state)
 
 
 @inner
@@ -491,7 +497,7 @@ def ride_at_time(ride: Ride, mean_acceleration: Array, t: float, thrust: float) 
 
 
 @inner
-def has_event(ride: Ride | None, history: CarHistory | None, end: Array, car: Car) -> bool:
+def has_event(ride: Ride | None, history: CarHistory | None, end_state: Array, car: Car) -> bool:
     """Whether a step with this end state, and car there, passes an event of the `CarHistory`."""
     if ride is None or history is None or history.t.size == 0:
         return False
@@ -499,7 +505,7 @@ def has_event(ride: Ride | None, history: CarHistory | None, end: Array, car: Ca
         return True
     if ride.mode == HAULED:
         return False
-    s_o, ds_o, _ = kinematics_of_free_car(end)
+    s_o, ds_o, _ = kinematics_of_free_car(end_state)
     leaves = not history.low < s_o < history.high
     turns = history.sign != 0.0 and not history.sign * ds_o > 0.0
     slow = not history.forward * car.speed > history.slow

@@ -194,19 +194,19 @@ def set_workspace_tangent(
 
 
 @inner
-def set_predicted_end_state(rule: Array, begin: Array, end: Array) -> None:
+def set_predicted_end_state(rule: Array, begin: Array, end_state: Array) -> None:
     """Set the end of a step (3, n_dof) to the rule's guess."""
     for k in range(3):
         for i in range(begin.shape[1]):
-            end[k, i] = rule[k, 0] * begin[0, i] + rule[k, 1] * begin[1, i] + rule[k, 2] * begin[2, i]
+            end_state[k, i] = rule[k, 0] * begin[0, i] + rule[k, 1] * begin[1, i] + rule[k, 2] * begin[2, i]
 
 
 @inner
-def correct_end_state(rule: Array, end: Array, newton_step: Array, fraction: float) -> None:
+def correct_end_state(rule: Array, end_state: Array, newton_step: Array, fraction: float) -> None:
     """Take a fraction of a Newton step from the end of a step (3, n_dof)."""
     for k in range(3):
         for i in range(newton_step.size):
-            end[k, i] -= fraction * rule[k, 3] * newton_step[i]
+            end_state[k, i] -= fraction * rule[k, 3] * newton_step[i]
 
 
 @inner

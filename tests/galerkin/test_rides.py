@@ -28,7 +28,7 @@ def with_end_time(groups, seconds):
     return replace(groups, drive=replace(groups.drive, end_time=seconds / TIME))
 
 
-def roll_to_end(groups, basis, steps, method="generalized-alpha", many_steps=True):
+def roll_to_end_of_ride(groups, basis, steps, method="generalized-alpha", many_steps=True):
     """A ride as far as it goes: the system, its states, its events."""
     system, work = RollingSystem(groups, basis), Work()
     system.many_steps &= many_steps
@@ -97,7 +97,9 @@ def test_many_steps_in_one_go():
     """Friction, brake and stop come as with steps one by one."""
     found = []
     for many_steps in (True, False):
-        states, events = roll_to_end(with_end_time(BRAKED.groups, 45.0), Fourier(8), 400, many_steps=many_steps)[1:]
+        states, events = roll_to_end_of_ride(
+            with_end_time(BRAKED.groups, 45.0), Fourier(8), 400, many_steps=many_steps
+        )[1:]
         there = CubicHermiteSpline(states.t, states.q[:, -1], states.v[:, -1])
         found.append((there(np.linspace(0.0, 36.0 / TIME, 200)), [name for name, _ in events][:3]))
     assert found[0][1] == found[1][1]
@@ -188,7 +190,7 @@ def test_friction_of_a_hauled_car_goes_by_what_presses_now():
     text = Scene.library_text("tramway") + "rolling_friction = 0.04\n"
     groups = Scene.from_toml(text.replace("2.52e8", "2.7e7").replace("top_speed = 10.0", "top_speed = 55.0")).groups
     assert 50.0 < groups.alpha < 70.0
-    system, states, _ = roll_to_end(groups, Fourier(12), 300, "trapezoidal")
+    system, states, _ = roll_to_end_of_ride(groups, Fourier(12), 300, "trapezoidal")
     x = observe(system, states)
     tau = x.slope_behind + x.slope_ahead
     tau /= np.hypot(*tau.T)[:, None]

@@ -74,7 +74,7 @@ def outcome_of_run(scene: Scene, r: Response) -> Outcome:
     """
     needs_numbers = scene.cable.breaking_load or scene.obstacle or scene.ground
     numbers = {row["quantity"]: row for row in r.design or design_numbers(r)} if needs_numbers else {}
-    end = _end_of_motion(scene, r)
+    end = _outcome_of_motion(scene, r)
     sentence = "; ".join([*_hit_or_too_close_sentences(numbers), end.sentence])
     load = scene.cable.breaking_load
     safety = numbers.get("safety_factor_min")
@@ -114,12 +114,12 @@ def _hit_or_too_close_sentences(numbers: dict[str, dict[str, Any]]) -> list[str]
     return sentences
 
 
-def _end_of_motion(scene: Scene, r: Response) -> Outcome:
+def _outcome_of_motion(scene: Scene, r: Response) -> Outcome:
     """How the car's motion ends, free or prescribed."""
     if broke_in_compared_part(r):
         broke = f"the computation broke at {r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s: {r.reason}"
         return Outcome("incomplete", broke)
-    end = _end_of_free_ride(scene, r) if r.drive == "free" else _end_of_prescribed_travel(scene, r)
+    end = _outcome_of_free_ride(scene, r) if r.drive == "free" else _outcome_of_prescribed_travel(scene, r)
     first = next((event for event in r.events if event["event"] == "lift_off"), None)
     if first is None:
         return end
@@ -127,7 +127,7 @@ def _end_of_motion(scene: Scene, r: Response) -> Outcome:
     return Outcome(end.kind, f"{lifts_off}; if it were held down: {end.sentence}")
 
 
-def _end_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:
+def _outcome_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:
     """Whether the travel of the scene crosses, stops or is hauled, and from where on no answer is valid."""
     # past the slack onset nothing is compared
     motion = scene.groups.motion
@@ -158,7 +158,7 @@ def _slack_or_slow_waves_clause(r: Response) -> str:
     return ""
 
 
-def _end_of_free_ride(scene: Scene, r: Response) -> Outcome:
+def _outcome_of_free_ride(scene: Scene, r: Response) -> Outcome:
     """Where and when a free car arrives, stops, rolls back or is when the run ends."""
     events = {e["event"]: e for e in r.events}  # the last of each kind
     ends = [events[name] for name in ("arrival", "back", "stop") if name in events]

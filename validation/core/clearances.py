@@ -67,11 +67,11 @@ def clearance_tracks(scene: Scene, r: Response) -> Clearances:
     f = r.fields
     frames = rope_and_mass_at_frames(r)
     rope = np.stack([frames.x, frames.y], axis=2)  # (k, m + 1, 2)
-    ends = float(f.x[0]), float(f.x[-1])
+    support_x = float(f.x[0]), float(f.x[-1])
     tracks = {}
     for name, ground in obstacle_and_ground_profiles(scene).items():
         at_car = heights_along_path(r.t, r.x, r.y, r.s_o, ground)
-        heights, x = min_rope_heights(rope, ground, ends)
+        heights, x = min_rope_heights(rope, ground, support_x)
         of_rope = Track(f.t, np.where(np.isinf(heights), np.nan, heights), np.interp(x, f.x, f.s))
         tracks["rope", name] = [at_car, of_rope]
         tracks["car", name] = [at_car._replace(value=at_car.value - below)]
@@ -96,16 +96,16 @@ def heights_along_path(t: Array, x: Array, y: Array, s: Array, ground: Array) ->
     return Track(*(values[order] for values in (times, np.interp(at, corners, depth) - y_at, s_at)))
 
 
-def min_rope_heights(rope: Array, ground: Array, ends: tuple[float, float]) -> tuple[Array, Array]:
+def min_rope_heights(rope: Array, ground: Array, support_x: tuple[float, float]) -> tuple[Array, Array]:
     """Smallest height (n,) [m] of a rope (n, k, 2) over the ground (m, 2), and its x: at a corner of either; or inf.
 
-    ends : x of the supports; ground beyond them is not beneath the rope.
+    support_x : x of the supports; ground beyond them is not beneath the rope.
     """
     corners, depth = ground.T
     x, y = np.moveaxis(rope, 2, 0)  # (n, k)
     over = (x >= corners[0]) & (x <= corners[-1])
     at_points = np.where(over, np.interp(x, corners, depth) - y, np.inf)
-    beneath = (corners >= ends[0]) & (corners <= ends[1])
+    beneath = (corners >= support_x[0]) & (corners <= support_x[1])
     at_corners = depth[beneath] - rope_depths(rope, corners[beneath])  # (n, corners)
     heights = np.concatenate([at_points, at_corners], axis=1)
     positions = np.concatenate([x, np.broadcast_to(corners[beneath], at_corners.shape)], axis=1)

@@ -405,7 +405,7 @@ class ExpectedOutcome:
 def recomputed_outcome_row(r: Response, counterpart: Response | None, kind: str, sentence: str) -> Agreement:
     """An outcome against the last event, the TOML's brakes and travel, breaking load and clearances."""
     numbers = RecomputedNumbers(r, counterpart)
-    expected = _expected_end_of_motion(r, numbers.timetable)
+    expected = _expected_outcome_of_motion(r, numbers.timetable)
     bars = {row["quantity"]: row["bar"] or 0.0 for row in r.design}
     expected.parts = _obstacle_hit_sentences(numbers, bars)
     if expected.kind != "incomplete" and _lifts_off_unnoticed(numbers, bars):
@@ -415,7 +415,7 @@ def recomputed_outcome_row(r: Response, counterpart: Response | None, kind: str,
     return _recomputed_row(r, "outcome", "", 0.0 if expected.matches(kind, sentence) else 1.0, ROUNDING)
 
 
-def _expected_end_of_motion(r: Response, table: Timetable) -> ExpectedOutcome:
+def _expected_outcome_of_motion(r: Response, table: Timetable) -> ExpectedOutcome:
     """How the car's motion ends, after where it first lifts off."""
     if broke_in_compared_part(r):
         return ExpectedOutcome("incomplete", [float(r.s_o[-1]), float(r.t[-1])])

@@ -177,7 +177,7 @@ def _parse_clause(text: str) -> Clause:
     return Clause(text, _colons_to_dots(match[1]), 1.0 if match[2][0] == ">" else -1.0, match[3], match[4])
 
 
-def refuse_depth_at_an_end(clauses: Sequence[Clause], answer: Answer, where: str) -> None:
+def refuse_depth_largest_at_end_of_range(clauses: Sequence[Clause], answer: Answer, where: str) -> None:
     """Refused for a depth that an answer lacks because its largest value is at an end, so that its extreme is unknown.
 
     where : the value of the key, in words.

@@ -28,7 +28,7 @@ from validation.commands.find.condition import (
     Row,
     answer_of_run,
     parse_condition,
-    refuse_depth_at_an_end,
+    refuse_depth_largest_at_end_of_range,
     refuse_uncheckable_clauses,
 )
 from validation.core import store
@@ -270,7 +270,7 @@ class _Search:
             except (SceneError, Refused, ArithmeticError) as error:
                 self.answers_by_value[value] = [Answer(FAILED, str(error).splitlines()[0], {})]
             for answer in self.answers_by_value[value]:
-                refuse_depth_at_an_end(self.clauses, answer, f"at {self.key} = {value:.6g}")
+                refuse_depth_largest_at_end_of_range(self.clauses, answer, f"at {self.key} = {value:.6g}")
             done = len(self.answers_by_value) / (BRACKETS + HALVINGS + 1.0)
             self.progress(f"{self.key} = {value:.6g}", min(0.9, done))
         return self.answers_by_value[value]
@@ -286,9 +286,9 @@ class _Search:
             rows.append({"value": value, "holds": holds, "outcome": sentence, "fails": fails, "read": read})
         return rows
 
-    def refuse_uncheckable_condition(self, ends: Sequence[float]) -> None:
+    def refuse_uncheckable_condition(self, range_ends: Sequence[float]) -> None:
         """Refused where no end has an answer, or the condition names what their answers do not know."""
-        answers = [answer for value in ends for answer in self.answers_at(value)]
+        answers = [answer for value in range_ends for answer in self.answers_at(value)]
         if all(answer.kind == FAILED for answer in answers):
             fault = answers[0].sentence
             raise Refused(fault if fault.startswith((f"{self.key} ", f"{self.key}:")) else f"{self.key}: {fault}")
