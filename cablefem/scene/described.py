@@ -156,7 +156,7 @@ def set_dotted_key(data: dict[str, Any], key: str, value: Any) -> None:
     if not isinstance(table, dict):
         raise SceneError([f"{key}: {_why_no_table(table, before, last)}"])
     relative = isinstance(value, str) and RELATIVE.fullmatch(value)
-    table[last] = _relative_value(table, last, key, value) if relative else value
+    table[last] = _number_changed_by_percent(table, last, key, value) if relative else value
 
 
 def _find_list_entry(tables: Any, name: str, key: str) -> Any:
@@ -179,7 +179,7 @@ def _why_no_table(content: Any, name: str, last: str) -> str:
     return f"{name} is a list; write all of it, as {name}={short_text(list(content))}"
 
 
-def _relative_value(table: dict[str, Any], name: str, key: str, percent: str) -> float:
+def _number_changed_by_percent(table: dict[str, Any], name: str, key: str, percent: str) -> float:
     """The number of that name, changed by "+1%"; SceneError if it is not given."""
     now = table.get(name)
     if not isinstance(now, int | float):

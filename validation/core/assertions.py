@@ -52,7 +52,7 @@ def assert_agree(
     assert_agree(run("level"), run("level", "fourier-kink"), path=3e-3)
     """
     __tracebackhide__ = True  # pytest shows the caller's line
-    names = names_of_both_methods(a, b)
+    names = names_of_both_methods_or_raise(a, b)
     refuse_out_of_range("path", path, 0.0, 1.0)
     if tension is not None:
         refuse_out_of_range("tension", tension, 0.0, 1.0)
@@ -79,7 +79,7 @@ def _window_or_raise(window: Any) -> Window:
     return start, end
 
 
-def names_of_both_methods(a: Answer, b: Answer) -> str:
+def names_of_both_methods_or_raise(a: Answer, b: Answer) -> str:
     """The sentence part "A and B" of two answers; TypeError for what is no answer."""
     for x in (a, b):
         if not hasattr(x, "method"):

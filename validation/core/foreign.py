@@ -87,7 +87,7 @@ class ForeignPath(MassPath):
         __tracebackhide__ = True
         row_names = row_names or [f"row {i}" for i in range(len(next(iter(columns.values()))))]
         try:
-            completed = _completed_columns(scene, columns, row_names)
+            completed = _completed_columns_or_refused(scene, columns, row_names)
             return cls(method=name, length=scene.length, drive=scene.drive.mode, columns=columns, **completed)
         except Refused as fault:
             raise Refused(f"{name}: {fault}") from None
@@ -230,7 +230,7 @@ def _float_or_nan(cell: str) -> float:
 # --- completing, and refusing what does not fit the scene -------------------------------------------------------------
 
 
-def _completed_columns(scene: Scene, columns: dict[str, Array], row_names: Sequence[str]) -> dict[str, Any]:
+def _completed_columns_or_refused(scene: Scene, columns: dict[str, Array], row_names: Sequence[str]) -> dict[str, Any]:
     """The given columns with all of t, s_o, x, y, u, v that follow from them; Refused where they are no path."""
     if scene.drive.mode == "free":
         if not _tells_a_free_ride(columns):
@@ -273,10 +273,10 @@ def _with_t_and_s_o(scene: Scene, columns: dict[str, Array]) -> dict[str, Array]
             s_o = np.interp(columns.get("x", s[:1]), scene.catenary.x(s), s)
         _refuse_off_cable(s_o, float(s_o.max()), l)
         return columns | {"s_o": s_o}
-    return _matched_to_travel(scene, scene.groups.motion, columns)
+    return _matched_to_travel_or_refused(scene, scene.groups.motion, columns)
 
 
-def _matched_to_travel(scene: Scene, motion: Motion, columns: dict[str, Array]) -> dict[str, Array]:
+def _matched_to_travel_or_refused(scene: Scene, motion: Motion, columns: dict[str, Array]) -> dict[str, Array]:
     """The columns with t and s_o by the scene's travel, up to its end; Refused if t and s_o are another travel."""
     l = scene.length
     tau = scene.time_scale

@@ -21,7 +21,7 @@ from cablefem.scene.drive import Thrust
 from cablefem.scene.line import Line
 from validation.commands.check.motion import deflection_tension_and_weight_scales
 from validation.commands.run.motion import ELEMENTS, LineRuns
-from validation.commands.run.quasi import largest_distances_from_rest, line_at_timetable_positions
+from validation.commands.run.quasi import largest_distances_from_rest, line_at_timetable_positions_or_refused
 from validation.core import store
 from validation.core.agreement import FORCES
 from validation.core.motion_rows import LineRun, turning_and_wheel_load_series
@@ -42,7 +42,7 @@ def advise_on_line_and_write(line: Line, tol: float, out: Path, report: Progress
     report("states of rest", 0.5)
     content["at_rest"], content["no_rest"] = [], ""
     try:
-        rest = line_at_timetable_positions(line).solve_at_rest(catenary_line.solve)
+        rest = line_at_timetable_positions_or_refused(line).solve_at_rest(catenary_line.solve)
     except store.Refused as refused:
         content["no_rest"] = str(refused)
     else:

@@ -24,7 +24,7 @@ from validation.commands.chart.front import Row, fastest_methods_at_error
 from validation.commands.chart.study import SETTINGS, Series, versions_and_machine
 from validation.commands.check.motion import deflection_tension_and_weight_scales
 from validation.commands.run.motion import ELEMENTS, SINES, Factors, LineMethod, LineRuns, OutOfTime
-from validation.commands.run.quasi import largest_distances_from_rest, line_at_timetable_positions
+from validation.commands.run.quasi import largest_distances_from_rest, line_at_timetable_positions_or_refused
 from validation.core import store
 from validation.core.motion_laws import tension_behind_or_ahead
 from validation.core.motion_rows import LineRun, Scales, distances
@@ -187,7 +187,7 @@ def _quasi_static_row(line: Line, runs: LineRuns, reference: _Reference, cut_at:
         return series.chart_row({}, status="not run", reason=NO_TIME)
     begin = process_time()
     try:
-        at_rest = line_at_timetable_positions(line)
+        at_rest = line_at_timetable_positions_or_refused(line)
     except store.Refused as refused:
         return series.chart_row({}, status="failed", reason=str(refused))
     rest = at_rest.solve_at_rest(catenary_line.solve)

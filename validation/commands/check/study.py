@@ -398,13 +398,13 @@ def check_solver(
     name = name or str(getattr(solver, "__name__", type(solver).__name__))
     answer = solver(scene)
     if not isinstance(answer, Response):
-        answer = _path_of_columns(scene, answer, name)
+        answer = _path_of_columns_or_refused(scene, answer, name)
     ours = ours or check(scene, tol=tol, progress=progress)
     foreign.refuse_wrong_unit_or_direction(answer, ours.a.finest)
     return with_third_party_rows(ours, answer, with_tol)
 
 
-def _path_of_columns(scene: Scene, answer: Any, name: str) -> ForeignPath:
+def _path_of_columns_or_refused(scene: Scene, answer: Any, name: str) -> ForeignPath:
     """The path in what a user's solver returned; Refused unless it is the columns of one."""
     free = scene.drive.mode == "free"
     columns = ("t", "x", "y") if free else ("s_o", "v", "u")

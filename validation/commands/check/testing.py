@@ -23,7 +23,7 @@ def reporting_assert_agree(report: Report) -> Callable[..., list[Agreement]]:
     def asserted(a: Any, b: Any, **bounds: Any) -> list[Agreement]:
         """See `assert_agree`."""
         __tracebackhide__ = True
-        names = assertions.names_of_both_methods(a, b)
+        names = assertions.names_of_both_methods_or_raise(a, b)
         try:
             rows = assertions.assert_agree(a, b, **bounds)
         except AssertionError as error:
@@ -50,7 +50,7 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
         __tracebackhide__ = True
         try:
             refuse_out_of_range("with_tol", with_tol, 0.0, 1.0)  # before the check is computed
-            scene = _scene_or_line(scene, solver)
+            scene = _load_scene_or_line_or_refuse(scene, solver)
             result = _check_and_store_once(scene, tol, earlier_checks)
         except ValueError as refused:
             raise refused.with_traceback(None) from None  # without the library's source
@@ -71,7 +71,7 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
     return checked
 
 
-def _scene_or_line(scene: Any, solver: Any) -> Scene | Line:
+def _load_scene_or_line_or_refuse(scene: Any, solver: Any) -> Scene | Line:
     """The scene or line, or that of a name or file; Refused for a line with a user's solver."""
     scene = scene if isinstance(scene, Scene | Line) else load_scene_or_line(scene)
     if isinstance(scene, Line) and solver is not None:

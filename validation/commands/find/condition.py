@@ -133,7 +133,7 @@ class Clause:
         """The number that the clause names; None: the answer has none of this name."""
         return answer.numbers.get(self.name)
 
-    def limit_in(self, si_unit: str) -> float:
+    def limit_in_unit_or_refused(self, si_unit: str) -> float:
         """The limit in an SI unit; Refused for one that does not fit."""
         factor = conversion_factor_or_nan(self.unit, si_unit)
         if math.isnan(factor):
@@ -152,7 +152,7 @@ class Clause:
         if not self.sign:
             return 0.0 if self.value_in(answer) == (MET if self.is_about_limits else self.right) else math.nan
         number = self.number_in(answer)
-        return math.nan if number is None else self.sign * (number.value - self.limit_in(number.unit))
+        return math.nan if number is None else self.sign * (number.value - self.limit_in_unit_or_refused(number.unit))
 
 
 def parse_condition(condition: str) -> list[Clause]:
@@ -211,7 +211,7 @@ def _refuse_unknown_name_or_unit(clause: Clause, answers: Sequence[Answer], even
         raise Refused(f"--so-that {clause.text}: unknown name.{did_you_mean(clause.name, sorted(known))}")
     for number in map(clause.number_in, answers):
         if number is not None:
-            clause.limit_in(number.unit)
+            clause.limit_in_unit_or_refused(number.unit)
 
 
 def _known_names(name: str, names: set[str], events: Sequence[str]) -> set[str]:

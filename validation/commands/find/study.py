@@ -176,7 +176,7 @@ def find(
     scene = scene_or_line
     if not isinstance(scene, Scene | Line):
         scene = load_line_or_none(scene) or Scene.load(scene)
-    key, low, high = _one_key_and_range(keys)
+    key, low, high = _one_key_and_range_or_refused(keys)
     _refuse_bad_arguments(so_that, model, all_of)
     search = _Search(scene, key, parse_condition(so_that), model, all_of or {}, progress, high - low)
     values = [low + (high - low) * i / BRACKETS for i in range(BRACKETS + 1)]
@@ -203,7 +203,7 @@ def _outcome_and_failure_text(tried: Mapping[str, Any]) -> str:
     return f"{tried['outcome']} ({tried['fails']})"
 
 
-def _one_key_and_range(keys: Mapping[str, Sequence[float]]) -> tuple[str, float, float]:
+def _one_key_and_range_or_refused(keys: Mapping[str, Sequence[float]]) -> tuple[str, float, float]:
     try:
         ((key, (low, high)),) = keys.items()
     except (AttributeError, TypeError, ValueError):

@@ -25,10 +25,10 @@ def answer_line_quasi_statically(line: Line) -> RestAnswers:
     """States of rest at the positions of the timetables; Refused for a car that rolls freely."""
     if not line.moves:
         return answer_line(line)
-    return replace(answer_line(line_at_timetable_positions(line)), quasi_static=True)
+    return replace(answer_line(line_at_timetable_positions_or_refused(line)), quasi_static=True)
 
 
-def line_at_timetable_positions(line: Line) -> Line:
+def line_at_timetable_positions_or_refused(line: Line) -> Line:
     """A line at rest whose positions are those of the timetables at many times; Refused for a car that rolls freely."""
     for car in line.car:
         if car.mode == "free":
@@ -66,7 +66,7 @@ def largest_distances_from_rest(rest: LineRest, moving: MovingLine, moved: LineR
     Needs: tension [N] behind or ahead, path [m] of cars, haul force [N] of hauled ones.  Forces of the motion are means
     over an axial round trip.  A car on a shoe does not count.
 
-    rest : of `line_at_timetable_positions`.
+    rest : of `line_at_timetable_positions_or_refused`.
     """
     states = rest.states
     t = timetable_instants(moving)[[*states]]
