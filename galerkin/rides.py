@@ -87,6 +87,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return float(x.q[-1]), float(x.v[-1]), float(x.a[-1])
 
     def _car_loads(self, t: float, phase: int) -> rolling.CarLoads:
+        """What acts on the car at t besides the rope; its mean acceleration is extrapolated to t."""
         drive = self.drive
         ax = ay = math.nan
         if self.free:

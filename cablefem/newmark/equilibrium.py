@@ -40,6 +40,7 @@ def solve_equilibrium_on_haul_rope(system: System, clamped_q: Array) -> Array:
 
 
 def _solve_equilibrium_from(system: System, q: Array, shorten: Shorten) -> Array:
+    """q (n_dof,) by Newton's method from q, with steps that `shorten` cuts; StepFailure without convergence."""
     bound = TOL * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
     zero = np.zeros(system.n_dof)
     weight = WEIGHT

@@ -343,6 +343,7 @@ class Scene(Described):
 
     @cached_property
     def _motion_of_travel(self) -> Motion | None:
+        """The travel in m and s, of a hauled car up to the end of its drive; None without a travel."""
         if self.travel is None:
             return None
         begin, distance = _travel_start_and_distance(self.travel, self.drive, self.length)

@@ -43,6 +43,7 @@ def length(x: complex, y: complex) -> complex:
 
 @inner
 def rope_at_wheel(rho: float, x: Any) -> Wheel:
+    """Force of the rope, its unit mean tangent and |<t>| at a wheel, from the values x (26,) of its contact."""
     behind = length(x[4], x[5])
     ahead = length(x[6], x[7])
     tx = x[4] / behind + x[6] / ahead
