@@ -47,7 +47,7 @@ class _History:
         self.points = self.segments.fields_of_motion(self.motion)
         nodal_rows, end_rows = self.segments.rows_of_nodes_and_segment_ends(self.points)
         self.end_rows = self.split_by_time(end_rows)  # (2, n, K) of s
-        self._set_forces_at_segment_ends(nodal_rows)
+        self._set_forces_and_rows_at_segment_ends(nodal_rows)
 
     def states_by_phase(self) -> list[tuple[int, Mask]]:
         """Each phase, and which states are in it."""
@@ -57,7 +57,7 @@ class _History:
         """(e, n K, ...) as (e, n, K, ...)."""
         return values.reshape(2, self.t.size, -1, *values.shape[2:])
 
-    def _set_forces_at_segment_ends(self, nodal_rows: Array) -> None:
+    def _set_forces_and_rows_at_segment_ends(self, nodal_rows: Array) -> None:
         """N t at the ends of the segments (2, n, K, 2), by their balance, and rows of the end nodes."""
         ds = self.motion.ds.T[..., None]
         v = self.motion.v[:, [0, -1]].swapaxes(0, 1)
@@ -67,7 +67,7 @@ class _History:
         at_left = -(rows[0] + momentum_flux[0])
         at_right = rows[1] - momentum_flux[1]
         self.end_node_rows = self.split_by_time(rows)
-        self.forces_at_side_ends = self.split_by_time(np.stack([at_left, at_right]))
+        self.forces_at_segment_ends = self.split_by_time(np.stack([at_left, at_right]))
 
     def contact_points(self, k: int, coordinates: Array) -> Array:
         """Points of contact k (n, 2), or their rates, from coordinates (n, size)."""
@@ -91,7 +91,7 @@ class _History:
 
     def tensions_beside(self, k: int) -> tuple[Array, Array]:
         """Tension (n,) behind and ahead of contact k; nan beyond the rope."""
-        behind, ahead = self.behind_and_ahead(k, self.forces_at_side_ends)
+        behind, ahead = self.behind_and_ahead(k, self.forces_at_segment_ends)
         return np.linalg.norm(behind, axis=1), np.linalg.norm(ahead, axis=1)
 
     def integral_over_rope(self, density: Array) -> Array:

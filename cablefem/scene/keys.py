@@ -103,16 +103,16 @@ def _keys_of_kinds(tables: list[dict[str, Any]], definitions: dict[str, Any], na
     kinds = [table["properties"]["kind"]["const"] for table in tables]
     yield Key(f"{name}.kind", "-", "which law; on a line trapezoid or table", "required", f"one of {', '.join(kinds)}")
 
-    def own_name(key: Key) -> str:
+    def first_name_in_table(key: Key) -> str:
         return key.name.removeprefix(f"{name}.").partition(".")[0]
 
     shared = set.intersection(*(set(table["properties"]) for table in tables))
     for table, kind in zip(tables, kinds, strict=True):
         for key in _table_keys(table, definitions, f"{name}."):
-            if own_name(key) not in shared:
+            if first_name_in_table(key) not in shared:
                 yield replace(key, kind=kind)
     for key in _table_keys(tables[0], definitions, f"{name}."):
-        if own_name(key) in shared - {"kind"}:
+        if first_name_in_table(key) in shared - {"kind"}:
             yield key
 
 

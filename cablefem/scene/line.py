@@ -51,7 +51,7 @@ class EvenPositions(Part):
     count: Annotated[int, integer_between(2, MAX_POSITIONS)]
 
 
-def _positions_as_list(value: Any) -> Any:
+def _listed_or_even_positions(value: Any) -> Any:
     if isinstance(value, dict):
         positions = EvenPositions(**value)
         return np.linspace(positions.first, positions.last, positions.count).tolist()
@@ -59,7 +59,8 @@ def _positions_as_list(value: Any) -> Any:
 
 
 Positions = Annotated[
-    tuple[Real, ...], Field(min_length=1, max_length=MAX_POSITIONS, strict=False), BeforeValidator(_positions_as_list),
+    tuple[Real, ...], Field(min_length=1, max_length=MAX_POSITIONS, strict=False),
+    BeforeValidator(_listed_or_even_positions),
     Admits(f"a number, a list of numbers, or {{from, to, count}} with a count from 2 to {MAX_POSITIONS}"),
 ]  # fmt: skip
 

@@ -65,7 +65,7 @@ def _emission_times(motion: Motion, sign: float, characteristic: Array, latest: 
     return high
 
 
-def _front_arrival_times(motion: Motion, end_time: float) -> Array:
+def _start_arrival_and_end_times(motion: Motion, end_time: float) -> Array:
     """Starts of the travel's pieces, returns of their waves by one support, and `end_time`."""
     starts = [piece.start for pieces in motion.pieces for piece in pieces if piece.start < end_time]
     times = {*starts, end_time}
@@ -149,7 +149,7 @@ def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory
 def _panel_edges(motion: Motion, end_time: float, longest: float) -> Array:
     """Arrivals of fronts, and times between them, at most `longest` apart."""
     edges = []
-    for begin, stop in pairwise(_front_arrival_times(motion, end_time)):
+    for begin, stop in pairwise(_start_arrival_and_end_times(motion, end_time)):
         count = int(np.ceil((stop - begin) / longest))
         edges.append(np.linspace(begin, stop, 1 + count)[:-1])
     return np.append(np.concatenate(edges), end_time)

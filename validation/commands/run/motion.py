@@ -169,7 +169,7 @@ def events_without_rattling(events: Events, line: MovingLine, motion: LineMotion
 def _rattling_events(events: Events, car: Car, motion: LineMotion) -> set[int]:
     """Indices of the events of one car that leave it within `rest_distance` of where it came to rest."""
     s = next(moved for moved in motion.cars if moved.name == car.name).s
-    own = _stops_and_starts(events, car.name, motion.t, s)
+    own = _indexed_stops_and_starts(events, car.name, motion.t, s)
     rattling = set[int]()
     rest = float(s[0])
     rested = False
@@ -185,7 +185,7 @@ def _rattling_events(events: Events, car: Car, motion: LineMotion) -> set[int]:
     return rattling
 
 
-def _stops_and_starts(events: Events, name: str, t: Array, s: Array) -> list[tuple[int, bool, float]]:
+def _indexed_stops_and_starts(events: Events, name: str, t: Array, s: Array) -> list[tuple[int, bool, float]]:
     """Events of a car: index among all, whether it stops or breaks loose, and where it stops, or will stop next.
 
     t, s : times and positions of the car (n,).
