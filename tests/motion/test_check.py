@@ -234,6 +234,17 @@ def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, line_answers):
     assert [fault.partition(": off")[0] for fault in faults] == ["path-up.csv: y is not what was computed"]
 
 
+def test_a_clearance_of_another_moment_is_seen(tmp_path, line_answers):
+    line_answers.write(tmp_path, 0.0)
+    design = [d for d in line_answers.design if d["quantity"].startswith("clearance")]
+    later = [d | {"t": 1.001 * d["t"]} for d in design]
+    t = line_answers.motion.t
+    next_step = [d | {"t": float(t[np.searchsorted(t, d["t"]) + 1])} for d in design]
+    for wrong in (later, next_step):
+        faults = list(faults_of_line_files(tmp_path, line_answers.motion, wrong, line_answers.moved.period))
+        assert [fault.partition(" = ")[0] for fault in faults] == [d["quantity"] for d in design]
+
+
 def page_html(folder):
     return "".join(section.html for section in motion_sections(folder))
 

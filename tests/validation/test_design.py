@@ -110,6 +110,15 @@ def test_clearances_at_a_far_support_have_bars_and_the_support_itself_an_exact_o
     assert (support.value, support.bar) == (pytest.approx(9.0, abs=1e-9), pytest.approx(0.0, abs=1e-9))
 
 
+def test_an_obstacle_at_a_support_is_as_far_below_the_rope_as_below_the_support():
+    scene = RIDER.replace({"obstacle": [{"name": "hut", "at": 230.0, "top": 18.0}]})
+    r = run(scene, "following-p2", **COARSE)
+    r = replace(r, design=design_numbers(r))
+    hut = next(row for row in r.design if row["quantity"] == "clearance_rope_min:hut")
+    assert hut["value"] == pytest.approx(3.0, abs=1e-6)
+    assert wrong_quantities(recomputed.recomputed_design_rows(r)) == set()
+
+
 def test_a_car_that_only_goes_up_has_no_deepest_point():
     up = CAMERA.replace({"supports.drop": -60.0})
     by = rows_by_quantity(run(up, "following-p2", elements=6, steps=300, until=0.95))
@@ -307,6 +316,28 @@ def shifted_by(shift):
 def test_a_wrong_design_number_is_seen(ride_with_all_numbers, quantity, fault):
     _, r = ride_with_all_numbers
     changed = [row | {"value": fault(row["value"])} if row["quantity"] == quantity else row for row in r.design]
+    assert wrong_quantities(recomputed.recomputed_design_rows(replace(r, design=changed))) == {("design", quantity)}
+
+
+@pytest.mark.parametrize("place", ["t", "s", "s_o", "x"])
+@pytest.mark.parametrize(
+    "quantity",
+    ["clearance_rope_min:the ground", "clearance_rope_min:tree 1", "clearance_car_min:tree 1", "safety_factor_min"],
+)
+def test_a_number_that_is_said_to_be_elsewhere_is_seen(ride_with_all_numbers, quantity, place):
+    _, r = ride_with_all_numbers
+    changed = [row | {place: row[place] + 0.1} if row["quantity"] == quantity else row for row in r.design]
+    assert wrong_quantities(recomputed.recomputed_design_rows(replace(r, design=changed))) == {("design", quantity)}
+
+
+def test_a_clearance_of_another_moment_is_seen(ride_with_all_numbers):
+    _, r = ride_with_all_numbers
+    quantity = "clearance_car_min:the ground"
+    clearance = next(row for row in r.design if row["quantity"] == quantity)
+    k = int(np.searchsorted(r.t, clearance["t"])) + 1
+    s_o = float(r.s_o[k])
+    next_step = {"t": float(r.t[k]), "s": s_o, "s_o": s_o, "x": float(np.interp(s_o, r.fields.s, r.fields.x))}
+    changed = [row | next_step if row["quantity"] == quantity else row for row in r.design]
     assert wrong_quantities(recomputed.recomputed_design_rows(replace(r, design=changed))) == {("design", quantity)}
 
 

@@ -67,7 +67,7 @@ def clearance_tracks(scene: Scene, r: Response) -> Clearances:
     f = r.fields
     frames = rope_and_mass_at_frames(r)
     rope = np.stack([frames.x, frames.y], axis=2)  # (k, m + 1, 2)
-    support_x = float(f.x[0]), float(f.x[-1])
+    support_x = 0.0, scene.supports.span
     tracks = {}
     for name, ground in obstacle_and_ground_profiles(scene).items():
         at_car = heights_along_path(r.t, r.x, r.y, r.s_o, ground)

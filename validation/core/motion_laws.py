@@ -33,6 +33,7 @@ from validation.core.scene_data import (
     ROUNDING,
     Array,
     LineData,
+    height_over_at,
     min_height_over,
     obstacle_and_ground_profiles,
     rope_stresses_at_wheel,
@@ -484,6 +485,7 @@ class _LineFiles:
         self.folder = folder
         self.line = LineTables((folder / "scene.toml").read_text(encoding="utf-8"))
         self.profiles = obstacle_and_ground_profiles(self.line.data)
+        self.near = ROUNDING * self.line.contacts[-1]["at"][0]  # [m]
         self.motion = motion
         self.period = period
         self.paths = {car.name: read_csv_columns(folder / f"path-{car.name}.csv") for car in motion.cars}
@@ -511,7 +513,9 @@ class _LineFiles:
         kind, _, of = number["quantity"].partition(":")
         name, _, word = kind.rpartition("_")
         if name == "clearance":
-            return [self._min_clearance(kind, of)]
+            lowest, then = self._clearances_ever_and_at(kind, of, number["t"])
+            same = abs(then - number["value"]) <= self.near  # no mean is taken: to rounding, not to the bar
+            return [lowest, then if same else math.inf]
         if name == "safety_factor":
             values = self.line.data["cable"]["breaking_load"] / self._averaged_series("tension")
         else:
@@ -530,15 +534,23 @@ class _LineFiles:
             values = _moving_means(self.t, values, self.period)
         return np.hypot(*values)[None] if kind == "load" else values
 
-    def _min_clearance(self, kind: str, body_over_obstacle: str) -> float:
-        """Smallest height [m] of a car over an obstacle or the ground; of kind clearance_rope of rope and cars."""
+    def _clearances_ever_and_at(self, kind: str, body_over_obstacle: str, t: float) -> Iterator[float]:
+        """Smallest heights [m] of a car over an obstacle or the ground, ever and at a time; of the rope with the cars.
+
+        kind : clearance_car or clearance_rope.
+        """
         body, _, over = body_over_obstacle.rpartition(" over ")
         profile = self.profiles[over]
-        if kind == "clearance_rope":
-            curves = [np.column_stack([path["x"], path["y"]]) for path in self.paths.values()]
-            return min(min_height_over(profile, *points.T) for points in (*curves, *self._rope_points()))
-        path = self.paths[body]
-        return min_height_over(profile, path["x"], path["y"]) - self.line.cars[body].get("below", 0.0)
+        of_rope = kind == "clearance_rope"
+        below = 0.0 if of_rope else self.line.cars[body].get("below", 0.0)
+        ropes = self._rope_points() if of_rope else np.empty((self.t.size, 0, 2))
+        paths = [self.paths[car] for car in (self.paths if of_rope else [body])]
+        curves = [*ropes, *(np.column_stack([path["x"], path["y"]]) for path in paths)]
+        yield min(min_height_over(profile, *curve.T) for curve in curves) - below
+        points = [[np.interp(t, self.t, path[axis]) for axis in "xy"] for path in paths]
+        heights = [height_over_at(profile, x, y, self.near) for x, y in points]
+        heights += [min_height_over(profile, *curve.T) for curve in ropes[np.abs(self.t - t) <= ROUNDING * t]]
+        yield min(heights) - below
 
     def _rope_points(self) -> Array:
         """Points (n, k, 2) at steps, nan beyond the rope, in order of s; not by the chain that is written from."""

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ from validation.core.rest import car_point_at_rest, empty_cable
 from validation.core.scene_data import (
     ROUNDING,
     OneSpanData,
+    height_over_at,
     is_within,
     means_around_times,
     min_height_over,
@@ -166,23 +168,48 @@ class RecomputedNumbers:
     def gap_at_printed_place(self, row: dict[str, Any]) -> float:
         """Gap of a printed number to the value at the time and position that are printed with it; infinite: none there.
 
-        0 of what has no signal of its own, as the top speed of a timetable.
+        0 of what has no signal of its own: the top speed of a timetable, the slack onset.
         """
-        kind = row["quantity"]
-        of_timetable = kind == "speed_max" and self.r.drive != "free"
+        r = self.r
+        kind, _, name = row["quantity"].partition(":")
+        of_timetable = kind == "speed_max" and r.drive != "free"
         if of_timetable or row.get("t") is None:
             return 0.0
-        means = self._means_of_signals(kind, averaged=True)
-        if not means:
-            return 0.0
-        r = self.r
         near = ROUNDING * r.length
-        car_s = np.interp(row["t"], r.t, r.s_o)
-        x_at_rest = np.interp(row["s"], r.fields.s, r.fields.x)
-        if max(abs(row["s_o"] - car_s), abs(row["x"] - x_at_rest)) > near:
+        if self._is_off_rope(row, near):
             return math.inf
+        if name:  # no mean is taken: to rounding, not to the bar
+            heights = self._heights_at_place(self.profiles[name], row, near, of_car=kind == "clearance_car_min")
+            return 0.0 if any(abs(row["value"] - height) <= near for height in heights) else math.inf
+        values = self._values_at_place(kind, row, near)
+        return 0.0 if kind == "slack_onset" else min((abs(row["value"] - value) for value in values), default=math.inf)
+
+    def _is_off_rope(self, row: dict[str, Any], near: float) -> bool:
+        """Whether at a row's time the car is not at its s_o, or its s not at its x at rest, up to `near` [m]."""
+        r = self.r
+        car_s = np.interp(row["t"], r.t, r.s_o)
+        if row["s"] is None:
+            return bool(abs(row["s_o"] - car_s) > near)
+        x_at_rest = np.interp(row["s"], r.fields.s, r.fields.x)
+        return bool(max(abs(row["s_o"] - car_s), abs(row["x"] - x_at_rest)) > near)
+
+    def _values_at_place(self, kind: str, row: dict[str, Any], near: float) -> list[float]:
+        """Values of a kind of number at a row's time and position, up to `near` [m]."""
+        is_safety = kind == "safety_factor_min"
+        means = self._means_of_signals("tension_max" if is_safety else kind, averaged=True)
         values = [x for signal in means if signal.t.size for x in _values_at(signal, row["t"], row["s"], near)]
-        return min((abs(row["value"] - value) for value in values), default=math.inf)
+        return [self.data.cable["breaking_load"] / tension for tension in values] if is_safety else values
+
+    def _heights_at_place(self, profile: Array, row: dict[str, Any], near: float, of_car: bool) -> Iterator[float]:
+        """Heights [m] over a profile at a row's time and place: of the car if it is there, of the rope at a frame."""
+        r = self.r
+        if abs(row["s"] - row["s_o"]) <= near:
+            x, y = (np.interp(row["t"], r.t, values) for values in (r.x, r.y))
+            below = self.data.scene["mass"].get("below", 0.0) if of_car else 0.0
+            yield height_over_at(profile, x, y, near) - below
+        frame = int(np.argmin(np.abs(r.fields.t - row["t"])))
+        if not of_car and is_within(r.fields.t[frame], row["t"], row["t"]):
+            yield height_over_at(profile, row["x"], np.interp(row["x"], *self._rope_at_frame(frame)), near)
 
     def _min_clearance(self, profile: Array, of_car: bool) -> float | None:
         """Smallest height [m] of car or rope over an obstacle or the ground; None: never above it."""
@@ -196,16 +223,26 @@ class RecomputedNumbers:
 
     def _min_heights_of_rope(self, profile: Array) -> list[float]:
         """Smallest height [m] of the rope over a profile at each frame; inf where it is never above it."""
+        frames = np.flatnonzero(self.r.fields.t <= self.until).tolist()
+        return [min_height_over(profile, *self._rope_at_frame(k)) for k in frames]
+
+    @cached_property
+    def _car_at_frames(self) -> Array:
+        """Points (k, 2) of the car."""
         f = self.r.fields
         rest_curve = CubicSpline(f.s, np.column_stack([f.x, f.y]))
-        car = rest_curve(f.s_o) + np.column_stack([f.mass_u, f.mass_v])  # (k, 2)
-        heights = []
-        for k in np.flatnonzero(f.t <= self.until):
-            x = np.append(f.x + f.u[k], car[k, 0])
-            y = np.append(f.y + f.v[k], car[k, 1])
-            order = np.argsort(x)
-            heights.append(min_height_over(profile, x[order], y[order]))
-        return heights
+        return np.asarray(rest_curve(f.s_o) + np.column_stack([f.mass_u, f.mass_v]))
+
+    def _rope_at_frame(self, k: int) -> tuple[Array, Array]:
+        """x and y (m,) of the rope with the car at a frame by its index, in order of x; it reaches both supports."""
+        f = self.r.fields
+        car = self._car_at_frames[k]
+        x = np.append(f.x + f.u[k], car[0])
+        y = np.append(f.y + f.v[k], car[1])
+        x[0] = min(x[0], 0.0)  # an obstacle may stand right at a support
+        x[-2] = max(x[-2], self.data.span)
+        order = np.argsort(x)
+        return x[order], y[order]
 
 
 def _max_sag_of_car_at_rest(r: Response, data: OneSpanData) -> float:

@@ -100,6 +100,14 @@ def min_height_over(profile: Array, x: Array, y: Array) -> float:
     return float(min(at_vertices.min(initial=math.inf), at_corners.min()))
 
 
+def height_over_at(profile: Array, x: float, y: float, near: float) -> float:
+    """Height [m] of a point over a profile (m, 2); inf where it is not above it, up to `near` [m]."""
+    corners, depth = profile.T
+    if not corners[0] - near <= x <= corners[-1] + near:
+        return math.inf
+    return float(np.interp(x, corners, depth) - y)
+
+
 def obstacle_and_ground_profiles(scene: dict[str, Any]) -> dict[str, Array]:
     """Points (n, 2) of x and depth [m] of a TOML's obstacles, each one point, and of its ground, by name."""
     profiles = {}
