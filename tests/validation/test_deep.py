@@ -3,7 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from cablefem import Scene
+from cablefem.newmark.collocation_rule import CollocationRule
 from cablefem.newmark.newmark_rule import NewmarkRule
 from tests.validation import test_rides_check
 from tests.validation.pairs import LEVEL, right_answers
@@ -33,17 +36,22 @@ def test_a_car_that_starts_elsewhere_is_seen():
     assert third_party_verdict("rest", RIDE, lower) is Verdict.DISAGREE
 
 
-def test_a_driver_whose_velocities_lag_is_seen(monkeypatch):
-    step = NewmarkRule.__call__
+@pytest.mark.parametrize("rule", [NewmarkRule, CollocationRule])
+@pytest.mark.parametrize("scene", ["level", "zipline"])
+def test_a_driver_whose_velocities_lag_is_seen(scene, rule, monkeypatch):
+    """Of a rule of either solver, for a timetable and for a ride."""
+    step = rule.__call__
 
     def lagging(self, x, t1):
         after = step(self, x, t1)
-        after.v[:] = after.v - 1e-4 * (after.v - x.v)
+        after.v[:] = after.v - 1e-5 * (after.v - x.v)
         return after
 
-    monkeypatch.setattr(NewmarkRule, "__call__", lagging)
-    monkeypatch.setattr(NewmarkRule, "solve_steps", lambda self, x, times: iter(()))
-    assert third_party_verdict("driver", LEVEL, right_answers()[0]) is Verdict.DISAGREE
+    a, _ = right_answers() if scene == "level" else test_rides_check.ride_answers()
+    assert third_party_verdict("driver", Scene.load(scene), a) is Verdict.AGREE
+    monkeypatch.setattr(rule, "__call__", lagging)
+    monkeypatch.setattr(rule, "solve_steps", lambda self, x, times: iter(()))
+    assert third_party_verdict("driver", Scene.load(scene), a) is Verdict.DISAGREE
 
 
 def test_a_path_outside_its_bar_is_seen():
