@@ -17,6 +17,7 @@ from validation.commands.run.study import rechecked_quasi_static_run
 from validation.core.agreement import Verdict
 from validation.core.answers import outcome_of_run
 from validation.core.design import design_numbers
+from validation.core.laws import quasi_static_law_rows
 from validation.core.quasi_static import quasi_static
 from validation.core.recomputed import quasi_static_energy_row
 from validation.core.running import run
@@ -160,6 +161,22 @@ def test_energy_along_the_ride_sees_a_fault_in_its_forces(fault):
     right, wrong = quasi_static(scene), quasi_static(scene.replace(fault))
     assert quasi_static_energy_row(right).verdict is Verdict.AGREE
     assert quasi_static_energy_row(dataclasses.replace(wrong, scene_toml=right.scene_toml)).verdict is Verdict.DISAGREE
+
+
+@pytest.mark.parametrize(
+    ("fault", "law"),
+    [
+        ({"cable.sag": 6.006}, "length at rest"), ({"supports.drop": 24.024}, "ends at rest"),
+        ({"cable.mass_per_length": 1.1011}, "forces at rest"), ({"mass.mass": 120.12}, "car at rest"),
+        ({"drive.brake": [{"from": 280.003, "force": 600.0}]}, "drive"), ({"drive.start": 2.002}, "drive"),
+    ],
+)  # fmt: skip
+def test_laws_of_a_quasi_static_run_see_another_rope_or_brake(fault, law):
+    scene = Scene.from_toml(README).replace({"mass.mass": 120.0})
+    right, wrong = quasi_static(scene), quasi_static(scene.replace(fault))
+    assert {row.verdict for row in quasi_static_law_rows(right)} == {Verdict.AGREE}
+    rows = quasi_static_law_rows(dataclasses.replace(wrong, scene_toml=right.scene_toml))
+    assert law in [row.law for row in rows if row.verdict is Verdict.DISAGREE]
 
 
 def test_a_rope_deeper_than_its_span_is_computed_as_well_as_a_taut_one(tmp_path):

@@ -68,6 +68,19 @@ def law_rows_in_si(
             yield replace(row, law=label, required=tolerance(law.tolerance_kind), decides=bool(law.tolerance_kind))
 
 
+def quasi_static_law_rows(r: Response) -> Iterator[Agreement]:
+    """Rows of the laws that a quasi-static run keeps to rounding, as each run does: of its cable, start and events."""
+    evidence = Evidence(r, TimeWindows(r.fields.t[::2], r.t))
+    interpolation = BoundPart(r.method, 1e-6, "interpolation")  # relative, of the statics
+    for name, law in LAWS.items():
+        if (law.exact or law.at_start) and law.concerns(evidence):
+            gap, of_every_second = (
+                float(np.abs(law.defect(x).value).max()) for x in (evidence, evidence.with_halved_fields())
+            )
+            sampling = BoundPart(r.method, abs(gap - of_every_second), "sampling")
+            yield Agreement(law.quantity, gap, Bound("law", (interpolation, sampling)), law=name)
+
+
 class _EvidenceOfLadder:
     """Evidence of all runs of a ladder, and of half and a quarter of the finest run's steps, and of its stations."""
 
@@ -319,17 +332,17 @@ def _largest_timetable_position_gap(evidence: Evidence) -> float:
     return float(np.abs(off).max())
 
 
-def _excess_speed_after_stop(evidence: Evidence) -> float:
-    """Speed [m/s] of a stopped car beyond that of a car at rest, a mean over the last axial round trip of the run.
+def _excess_speed_after_stop(evidence: Evidence, stop: float) -> float:
+    """Speed [m/s] of a stopped car beyond that of a car at rest, a mean over the last axial round trip since its stop.
 
-    See `_largest_speed_at_rest`.
+    stop : its time [s], which may be the end of the run; see `_largest_speed_at_rest`.
     """
     r = evidence.r
-    duration = min(r.t[-1] - r.t[0], evidence.data.round_trip)
-    if not duration:
-        return 0.0
-    before = np.interp(r.t[-1] - duration, r.t, r.s_o)
-    speed = abs(r.s_o[-1] - before) / duration
+    speed = float(r.speed[-1])
+    duration = min(r.t[-1] - stop, evidence.data.round_trip)
+    if duration > 0.0:
+        before = np.interp(r.t[-1] - duration, r.t, r.s_o)
+        speed = abs(r.s_o[-1] - before) / duration
     return max(0.0, speed - 1.01 * _largest_speed_at_rest(evidence))
 
 
@@ -365,8 +378,9 @@ def drive_and_event_defect(evidence: Evidence) -> Defect:
     times, forces = thrust_times_and_forces(evidence.data.drive)
     if r.drive == "free" and forces.any():
         smooth = np.abs(r.t[:, None] - times).min(axis=1) > 1e-6 * r.t[-1]
-        off_thrust = np.abs(r.F_haul - evidence.thrust_or_haul_force)[smooth]
-        off.append(off_thrust.max() / float(np.abs(forces).max()))
+        known = np.isfinite(r.F_haul)  # not in a quasi-static ride
+        off_thrust = np.abs(r.F_haul - evidence.thrust_or_haul_force)[smooth & known]
+        off.append(off_thrust.max(initial=0.0) / float(np.abs(forces).max()))
     return _defect_without_position(float(np.abs(off).max()))
 
 
@@ -388,11 +402,11 @@ def _relative_event_gaps(evidence: Evidence) -> list[float]:
         s_o = event["s_o"]
         speed = np.interp(t, r.t, r.speed)
         if kind == "stop":
-            speed = _excess_speed_after_stop(evidence)
+            speed = _excess_speed_after_stop(evidence, t)
             gaps.append((t - _stop_time(evidence)) / r.t[-1])
         gaps.append((t - np.clip(t, r.t[0], r.t[-1])) / r.t[-1])  # beyond the run
         gaps.append((np.interp(t, r.t, r.s_o) - s_o) / l)
-        gaps.append((speed - event["speed"]) / float(r.speed.max()))
+        gaps.append((speed - event["speed"]) / (float(r.speed.max()) or 1.0))
         if kind in times:
             gaps.append(abs(t - times[kind]) / r.t[-1])
         if positions.get(kind):

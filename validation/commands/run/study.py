@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from cablefem.response import LazyValue, Response
 from cablefem.scene import Scene
 from validation.commands.run import QUASI_STATIC, option_faults, setting_faults
-from validation.core import limits, recomputed
+from validation.core import laws, limits, recomputed
 from validation.core.agreement import Verdict
 from validation.core.answers import outcome_of_run
 from validation.core.design import design_numbers
@@ -106,7 +106,7 @@ def quasi_static_with_bars(scene: Scene) -> Response:
 def rechecked_quasi_static_run(scene: Scene, r: Response) -> Response:
     """The quasi-static ride r with design numbers and bars, and a flag for each that its second computation denies."""
     r = with_inertia_error_bars(scene, replace(r, design=design_numbers(r)))
-    rows = list(recomputed.recomputed_rows(r, None, outcome_of_run(scene, r)))
+    rows = [*recomputed.recomputed_rows(r, None, outcome_of_run(scene, r)), *laws.quasi_static_law_rows(r)]
     if r.drive != "grip":
         rows.append(recomputed.quasi_static_energy_row(r))
     for row in rows:
