@@ -21,7 +21,7 @@ from cablefem.scene.contacts import (
     lift_off_event_name,
     meeting_event_name,
 )
-from cablefem.shoes import Passage, car_may_pass_saddle, possible_passages
+from cablefem.shoes import Passage, car_may_pass_saddle, possible_passages, upward_turn
 
 TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
 
@@ -128,6 +128,10 @@ class LineInMotion(MarchingSystem):
         """Points of a car on one contact, or off the rope, with their rates (3, ..., 2)."""
         raise NotImplementedError
 
+    def slopes_beside_car(self, name: str, coordinates: Any) -> Array:
+        """r' behind and ahead of a car on one contact (..., 4)."""
+        raise NotImplementedError
+
     def car_point_and_rates(self, name: str, x: State) -> Array:
         """The same (3, 2) in a state."""
         return self.car_points_and_rates(name, x.t, self.all_coordinates_from_unknowns(*x), x.phase)
@@ -148,7 +152,11 @@ class LineInMotion(MarchingSystem):
         values += [np.where(in_order, x, np.inf) for x in (*forces, self.time_when_at_rest(phase) - t)]
         for passage in self.passages:
             x, dx = self.car_points_and_rates(passage.car, t, coordinates, phase)[:2, ..., 0]
-            values.append(np.vectorize(passage.distance_to_go)(x, dx))
+            to_go = np.vectorize(passage.distance_to_go)(x, dx)
+            if passage.ends_with_pressure:
+                turn = upward_turn(self.slopes_beside_car(passage.car, coordinates))
+                to_go = np.where(np.isinf(to_go), to_go, np.minimum(to_go, turn.reshape(to_go.shape)))
+            values.append(to_go)
         return np.stack(values, axis=-1)
 
     # --- cars that stick and slip ------------------------------------------------------------------------------

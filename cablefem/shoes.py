@@ -1,7 +1,8 @@
 """Cars over the shoes of saddles: each event changes what the rope touches.
 
-At the end of a shoe a car lands on a rail.  TIP of the shoe before the saddle it leaves the rope, which has no kink
-there; as far behind it takes the rope again, and at the other end of the shoe it leaves the rail.
+At the end of a shoe a car lands on a rail.  It leaves the rope TIP of the shoe before the saddle, or where the rope no
+longer presses on a car that rolls: a kink set free there would run along the rope, and no mesh resolves it.  As far
+behind the saddle it takes the rope again, and at the other end of the shoe it leaves the rail.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ class Passage(NamedTuple):
     car: str
     action: Literal["lands on the shoe of", "leaves the rope at", "takes the rope behind", "leaves the shoe of"]
     saddle: Contact
+    ends_with_pressure: bool = False  # of the rope on the car, if that comes earlier
 
     def __str__(self) -> str:
         return f"{self.car} {self.action} {self.saddle.name}"
@@ -94,7 +96,8 @@ def _passages_of_contact(line: MovingLine, k: int, supports: Mapping[str, Contac
         return
     if car.rail is not None:
         saddle = supports[car.rail.saddle]
-        yield Passage(car.name, "leaves the rope at", saddle)
+        rolls = car.drive_mode_or_haul_x != "grip"  # a grip holds the rope
+        yield Passage(car.name, "leaves the rope at", saddle, ends_with_pressure=rolls)
         yield Passage(car.name, "leaves the shoe of", saddle)
     elif car.drive_mode_or_haul_x != "free" and car.wheels is None:
         for neighbour in (line.contacts[k - 1], line.contacts[k + 1]):
@@ -309,6 +312,12 @@ def off_rope_motion_and_powers(
         contact_force=pressing, shoe_force=pressing, turning=off_rope.turning,
     )  # fmt: skip
     return motion, {f"{car.name} {cause}": power for cause, power in (off_rope.powers | powers).items()}
+
+
+def upward_turn(slopes: Array) -> Array:
+    """Sine (...) of the angle by which the rope turns upwards at a car; slopes : r' behind and ahead (..., 4)."""
+    bx, by, ax, ay = np.moveaxis(slopes, -1, 0)
+    return (by * ax - bx * ay) / (np.hypot(bx, by) * np.hypot(ax, ay))
 
 
 def downward_normals(rail: Rail, x: Array) -> Array:

@@ -289,6 +289,19 @@ class LineSines(LineInMotion):
         shape = np.shape(t)
         return coordinates[0, :, self.layout.s].T.reshape(*shape, -1), [x.reshape(shape) for x in forces]
 
+    def slopes_beside_car(self, name: str, coordinates: Array) -> Array:
+        layout = self.layout
+        k = [contact.name for contact in self.line.contacts_and_wheels].index(name)
+        first, last = layout.tables.of_q[-2:]  # slopes of the functions at both ends of a segment
+        segments = zip((last, first), (k - 1, k), strict=True)
+        slopes = []
+        for of_functions, i in segments:
+            columns = layout.columns[i]
+            h = coordinates[0, :, columns[-1]] - coordinates[0, :, columns[-2]]
+            q = coordinates[0][:, columns[:-2]].reshape(h.size, -1, 2)
+            slopes.append(of_functions @ q / h[:, None])
+        return np.concatenate(slopes, axis=1)
+
     def min_tension_and_saddle_pressures(self, values: LineValues) -> Array:
         """The smallest mean of tensions over a shortest wave, and the force of the rope down on each saddle (., n) [N].
 

@@ -155,6 +155,10 @@ class LineElements(LineInMotion, LineBalance):
             forces.append(np.where(self.sticks(i), margin, np.inf))
         return coordinates.q[..., self.s], forces
 
+    def slopes_beside_car(self, name: str, coordinates: Coordinates) -> Array:
+        i = [car.name for car in self.line.cars_on_rope].index(name)
+        return self.slopes_beside(self.car_contacts[i], coordinates.q)
+
     def car_points_and_rates(self, name: str, t: Any, coordinates: Coordinates, phase: int) -> Array:
         for k, on_rope in zip(self.car_contacts, self.line.cars_on_rope, strict=True):
             if on_rope.name == name:

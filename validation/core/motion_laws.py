@@ -45,6 +45,7 @@ from validation.core.timetable import Timetable
 WINDOWS = 12
 BRAKE_EVENTS = ("brakes", "leaves a brake")
 SHOE_VERBS = ("lands on", "leaves")
+TIP = 0.2  # of a shoe: how far from the saddle a car leaves the rope at the latest, and takes it again
 # kinds of design numbers, and their columns of a car's file
 COLUMN_OF_QUANTITY = {
     "haul": "F_haul",
@@ -364,7 +365,8 @@ def timetable_defects(x: SampledMotion, end_time: float) -> Array:
 def event_place_defects(x: SampledMotion, end_time: float) -> Array:
     """Largest distance (1,) of cars at events of brakes and shoes from where the TOML has these, over the rope.
 
-    1 if a brake acts at the end, or does not, against the place of its car.  Events are at steps: all of them count.
+    1 if a brake acts at the end, or does not, against the place of its car.  Of a car that rolls and leaves the rope
+    before the tip of a shoe: what the rope still gives it, over its weight.  Events are at steps: all of them count.
     """
     length = float(x.contacts[-1].s[0] - x.contacts[0].s[0])
     located_to = 1e-6  # of the length: steps end at events to the tolerance of Newton's method
@@ -375,6 +377,7 @@ def event_place_defects(x: SampledMotion, end_time: float) -> Array:
         at_events = np.interp([*begun, *ended], x.all_times, car.s)
         off_brakes = np.abs(brakes - at_events[:, None]).min(axis=1, initial=length)
         defects += [distance / length for distance in (*off_brakes, *_distances_at_shoe_events(x, car))]
+        defects += _pressure_of_rope_left(x, car)
         passed = int(np.sum(brakes <= car.s[-1])) - int(np.sum(brakes <= car.s[0]))
         ends_at_brake = np.abs(brakes - car.s[-1]).min(initial=length) <= located_to * length
         defects.append(float(len(begun) - len(ended) != passed and not ends_at_brake))
@@ -394,6 +397,20 @@ def _distances_at_shoe_events(x: SampledMotion, car: Any) -> Iterator[float]:
         times = [t for verb in SHOE_VERBS for t in _times_of_event(x, car, f"{verb} the shoe of {contact['name']}")]
         off_saddle = np.interp(times, x.all_times, car.point[:, 0]) - contact["at"][0]
         yield from np.abs(np.abs(off_saddle) - shoe).tolist()
+
+
+def _pressure_of_rope_left(x: SampledMotion, car: Any) -> Iterator[float]:
+    """Force of the rope on a car as it leaves it, over its weight; or how far the tip of the shoe is, if nearer."""
+    data = x.line.cars[car.name]
+    grips = drive_mode(data) == "grip"
+    for contact in x.line.contacts:
+        for t in _times_of_event(x, car, f"leaves the rope at {contact['name']}"):
+            before = int(np.searchsorted(x.all_times, t * (1.0 - ROUNDING)))
+            off_tip = abs(abs(float(car.point[before, 0]) - contact["at"][0]) / contact["shoe"] - TIP)
+            behind, ahead = to_complex(np.stack([car.slope_behind[before], car.slope_ahead[before]]))
+            turn = abs(float(np.angle(ahead / behind)))
+            of_rope = turn * float(car.tension_behind[before]) / (data["mass"] * x.line.gravity)
+            yield off_tip if grips else min(off_tip, of_rope)
 
 
 def _any_free_car_sticks(line: LineTables, motion: Any) -> bool:
