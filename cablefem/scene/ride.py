@@ -29,6 +29,11 @@ if TYPE_CHECKING:
 STICKS = 1e-13  # [H] smaller forces are rounding
 
 
+def _value_and_slope(cubic: list[float], x: float) -> tuple[float, float]:
+    c3, c2, c1, c0 = cubic
+    return c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + 3.0 * x * c3)
+
+
 class LoadPath:
     """Curve on which the car rolls: P, P', P'', holding force Pi', stretch <lam>.
 
@@ -52,16 +57,15 @@ class LoadPath:
         self.points: Callable = CubicHermiteSpline(s, points, slope)
         slopes = CubicHermiteSpline(s, slope, bend)
         scalars = CubicSpline(s, np.stack([hold, stretch], -1))
-        self._c = np.concatenate([slopes.c, scalars.c], axis=2)  # (4, intervals, 4)
+        coefficients = np.concatenate([slopes.c, scalars.c], axis=2)  # (4, intervals, 4)
+        self._cubics = coefficients.transpose(1, 2, 0).tolist()  # by interval: numbers are faster than small arrays
         self._nodes = s.tolist()
 
     def __call__(self, s: float) -> tuple[float, float, float, float, float, float]:
         """(P'_x, P'_y, P''_x, P''_y, Pi', <lam>) at s."""
         i = min(max(bisect.bisect_right(self._nodes, s) - 1, 0), len(self._nodes) - 2)
         x = s - self._nodes[i]
-        c3, c2, c1, c0 = self._c[:, i]
-        px, py, hold, stretch = (c0 + x * (c1 + x * (c2 + x * c3))).tolist()
-        bx, by = (c1 + x * (2.0 * c2 + 3.0 * x * c3))[:2].tolist()
+        (px, bx), (py, by), (hold, _), (stretch, _) = (_value_and_slope(cubic, x) for cubic in self._cubics[i])
         return px, py, bx, by, hold, stretch
 
     @classmethod
@@ -332,9 +336,10 @@ class _RideSolver:
         braking = forces.brake_force[self.brakes_reached]
 
         def rate(t: float, y: np.ndarray) -> list[float]:
-            free, normal, inertia, stretch = forces.force_balance(t, y[0], y[1], phase)
+            s, v = y.tolist()
+            free, normal, inertia, stretch = forces.force_balance(t, s, v, phase)
             resistance = stretch * (mu_r * normal + braking)
-            return [y[1], (free - sign * resistance) / inertia]
+            return [v, (free - sign * resistance) / inertia]
 
         span = (self.t, min(self.end, self.drive.phases[phase][1]))
         watches = self._event_functions()

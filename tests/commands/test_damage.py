@@ -2,11 +2,14 @@
 
 import csv
 import json
+import shutil
 from functools import partial
+from pathlib import Path
 
 import pytest
 
 from cablefem.scene.line import Line
+from tests.commands.calls import QUICK
 from tests.motion.test_check import EVERYTHING
 from validation import cli
 from validation.commands.run.line import answer_line
@@ -40,10 +43,10 @@ def _keys_below(content):
         yield from _keys_below(content[0])
 
 
-def faults_of_damaged_files(folder, readers):
+def faults_of_damaged_files(folder, readers, damaged="*"):
     """What readers say, by file and field that is gone."""
     said = {}
-    for file in sorted(folder.rglob("*")):
+    for file in sorted(folder.rglob(damaged)):
         if file.suffix not in (".csv", ".json") or file.name.startswith("."):
             continue
         whole = file.read_text(encoding="utf-8")
@@ -99,13 +102,19 @@ def test_files_of_a_line_in_motion(tmp_path):
 
 
 def test_files_of_one_span(tmp_path):
-    assert cli.main(["run", "level", "--out", str(tmp_path)]) == 0
-    (method,) = [file.parent.name for file in tmp_path.glob("*/summary.json")]
+    assert cli.main(["run", "level", *QUICK, "--out", str(tmp_path)]) == 0
+    (whole,) = [file.parent for file in tmp_path.glob("*/summary.json")]
 
-    def read():
-        yield from readback.faults_of_stored_results(readback.StoredResults(tmp_path, [method], judged=False))
+    def read(folder):
+        yield from readback.faults_of_stored_results(readback.StoredResults(folder, [whole.name], judged=False))
 
-    assert_columns_are_missed(faults_of_damaged_files(tmp_path, [read]))
+    for damaged in ("path.csv", "tension.csv", "profile.csv", "summary.json"):  # without others, which take their time
+        alone = tmp_path / Path(damaged).stem
+        (alone / whole.name).mkdir(parents=True)
+        for name in {damaged, "summary.json", "response.npz"}:
+            shutil.copy(whole / name, alone / whole.name)
+        assert list(read(alone)) == []
+        assert_columns_are_missed(faults_of_damaged_files(alone, [partial(read, alone)], damaged))
 
 
 @pytest.mark.parametrize("content", [b"x,y\n", b"", b"x,y\n1.0,\xff\n"])

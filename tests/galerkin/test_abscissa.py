@@ -72,12 +72,12 @@ def test_start_from_rest_tends_to_the_papers():
 def test_path_is_that_of_time(groups, kink):
     """At speed, from rest, with jumps of acceleration: steps of t and of s_o meet in one path."""
     system = GalerkinSystem(groups, Fourier(8), kink=kink)
-    states, s_o = march_with_positions(system, 800, until=0.41)
+    states, s_o = march_with_positions(system, 800, until=0.31)
     fine = system.observe(states, s_o[:1], np.arange(0)).path[:, 1]
     wrapped = SystemOverPosition(system)
 
     def gap(steps):
-        x = states_up_to_position(wrapped, steps, until=0.4)
+        x = states_up_to_position(wrapped, steps, until=0.3)
         v = wrapped.observe(wrapped.states_over_time(x), s_o[:1], np.arange(0)).path[:, 1]
         return np.sqrt(np.mean((v - np.interp(x.t, s_o, fine)) ** 2)) / np.abs(fine).max()
 

@@ -221,7 +221,7 @@ def test_a_stop_in_a_strong_brake_is_refined_in_time_until_it_agrees():
     """Its time errs by the steps, not by the mesh."""
     brake = [{"from": 120.0, "force": 500.0}]
     strong = line_of_rider({"start": 8.0, "rolling_friction": 0.02, "brake": brake, "end": {"time": 40.0}})
-    assert worst_deciding_verdict(check_line(strong).rows).value == "agree"
+    assert worst_deciding_verdict(check_line(strong, tol=4e-3).rows).value == "agree"
 
 
 @pytest.mark.parametrize("wing", WINGS)

@@ -13,8 +13,11 @@ SINES = {"terms": 40, "steps": 1000, **DAMPED}
 
 
 @cache
+def right_answer_of_elements() -> Ladder:
+    return run_with_error_bars(LEVEL, "following-p2", until=0.95, **ELEMENTS)
+
+
+@cache
 def right_answers() -> tuple[Ladder, Ladder]:
     """Return runs of the level scene, past its slack onset, with coarser ones."""
-    return run_with_error_bars(LEVEL, "following-p2", until=0.95, **ELEMENTS), run_with_error_bars(
-        LEVEL, "fourier-kink", until=0.95, **SINES
-    )
+    return right_answer_of_elements(), run_with_error_bars(LEVEL, "fourier-kink", until=0.95, **SINES)

@@ -8,13 +8,12 @@ import pytest
 from cablefem import Scene
 from cablefem.newmark.collocation_rule import CollocationRule
 from cablefem.newmark.newmark_rule import NewmarkRule
-from tests.validation import test_rides_check
-from tests.validation.pairs import LEVEL, right_answers
+from tests.validation.pairs import LEVEL, right_answer_of_elements
+from tests.validation.test_rides_check import RIDE, ride_of_elements
 from validation.commands.check.deep import THIRD, shared_part_check_rows
 from validation.core.agreement import Verdict
 
 PARTIES = dict(zip(("frequencies", "rest", "driver", "bars"), THIRD, strict=True))
-RIDE = test_rides_check.RIDE
 
 
 def third_party_verdict(which, scene, a):
@@ -23,16 +22,14 @@ def third_party_verdict(which, scene, a):
 
 
 def test_right_answers_agree_with_all_third_parties_that_their_scene_has():
-    (a, _), (free, _) = right_answers(), test_rides_check.ride_answers()
-    gripped = list(shared_part_check_rows(LEVEL, a))
+    gripped = list(shared_part_check_rows(LEVEL, right_answer_of_elements()))
     assert [row.law for row in gripped] == [PARTIES[x] for x in ("frequencies", "driver", "bars")]
-    rolling = [THIRD[PARTIES["rest"]](RIDE, free)]
+    rolling = [THIRD[PARTIES["rest"]](RIDE, ride_of_elements())]
     assert {row.verdict for row in [*gripped, *rolling]} == {Verdict.AGREE}, [*gripped, *rolling]
 
 
 def test_a_car_that_starts_elsewhere_is_seen():
-    free, _ = test_rides_check.ride_answers()
-    lower = free.map(lambda r: replace(r, y=r.y + 1e-3 * r.max_deflection))
+    lower = ride_of_elements().map(lambda r: replace(r, y=r.y + 1e-3 * r.max_deflection))
     assert third_party_verdict("rest", RIDE, lower) is Verdict.DISAGREE
 
 
@@ -47,7 +44,7 @@ def test_a_driver_whose_velocities_lag_is_seen(scene, rule, monkeypatch):
         after.v[:] = after.v - 1e-5 * (after.v - x.v)
         return after
 
-    a, _ = right_answers() if scene == "level" else test_rides_check.ride_answers()
+    a = right_answer_of_elements() if scene == "level" else ride_of_elements()
     assert third_party_verdict("driver", Scene.load(scene), a) is Verdict.AGREE
     monkeypatch.setattr(rule, "__call__", lagging)
     monkeypatch.setattr(rule, "solve_steps", lambda self, x, times: iter(()))
@@ -55,6 +52,6 @@ def test_a_driver_whose_velocities_lag_is_seen(scene, rule, monkeypatch):
 
 
 def test_a_path_outside_its_bar_is_seen():
-    a, _ = right_answers()
+    a = right_answer_of_elements()
     wrong = a.map(lambda r: replace(r, v=r.v + 4.0 * a.finest.path_error * r.max_deflection * np.sign(r.s_o)))
     assert third_party_verdict("bars", LEVEL, wrong) is Verdict.DISAGREE

@@ -25,11 +25,13 @@ RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, fo
 
 
 @cache
+def ride_of_elements():
+    return run_with_error_bars(RIDE, "following-p2", elements=10, steps=300)
+
+
+@cache
 def ride_answers():
-    return (
-        run_with_error_bars(RIDE, "following-p2", elements=10, steps=300),
-        run_with_error_bars(RIDE, "fourier-kink", terms=12, steps=300),
-    )
+    return ride_of_elements(), run_with_error_bars(RIDE, "fourier-kink", terms=12, steps=300)
 
 
 def rows_by_name(found):

@@ -198,6 +198,7 @@ def seconds_text(x: float | None) -> str:
     return f"{number_text(x, 2)} s"
 
 
+@cache
 def package_versions() -> dict[str, str]:
     """Versions of Python and of the packages that results depend on."""
     packages = ("cablefem", "numpy", "scipy", "scikit-fem", "numba")
