@@ -541,6 +541,13 @@ def test_a_ride_is_the_same_however_long_its_end_time_waits():
     assert long.motion.t.size < 1.5 * short.motion.t.size
 
 
+@pytest.mark.parametrize("told", [{"cable.mass_per_length": 11.4114}, {"cable.EA": 2.1021e8}])
+def test_a_thousandth_of_mass_or_stiffness_changes_the_rope_at_the_start(line, by_elements, by_sines, told):
+    rows = law_rows(line.replace(told).to_toml(), [by_elements, by_sines], by_elements.finest.end_time)
+    broken = {row.law for row in rows if row.verdict.value == "disagree"}
+    assert {f"shape of the rope at the start, {solver}" for solver in ("elements", "sines")} <= broken
+
+
 @pytest.mark.parametrize(("told", "broken"), [(0.3, set()), (0.0, {"momentum of rope and cars, sines"})])
 def test_laws_read_the_damping_of_a_rope_from_the_file(line, told, broken):
     damped = Line.from_toml(line.to_toml().replace("[cable]\n", "[cable]\ndamping = {rate = 0.3}\n"))

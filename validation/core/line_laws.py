@@ -24,6 +24,7 @@ from validation.core.readback.texts import plain_text, rows_of_each_table
 from validation.core.scene_data import (
     DOWN,
     ROUNDING,
+    HangingRope,
     LineData,
     conversion_factor_or_nan,
     obstacle_and_ground_profiles,
@@ -129,15 +130,9 @@ class RopeAtRest:
     def points_and_tension_at_s(self, s: Array) -> tuple[Array, Array, Array]:
         """x, y [m] and tension [N] at s (m,) [m]."""
         k = np.searchsorted(self.s[1:-1], s, side="right")  # pieces of these points
-        S = s - self.s[k]
         H, P = self.ahead[k].T
-        P1 = P - self.q * S
-        N = np.hypot(H, P)
-        N1 = np.hypot(H, P1)
-        turned = np.arcsinh(P / H) - np.arcsinh(P1 / H)
-        x = self.heat * (H * S / self.EA + H / self.q * turned)
-        y = self.heat * ((P * S - 0.5 * self.q * S**2) / self.EA + (N - N1) / self.q)
-        return self.points[k, 0] + x, self.points[k, 1] + y, N1
+        rope = HangingRope.at_lengths(s - self.s[k], H, P, self.q, self.EA)
+        return self.points[k, 0] + self.heat * rope.x, self.points[k, 1] + self.heat * rope.y, rope.tension
 
     def depth_and_tension_at_x(self, x: Array) -> tuple[Array, Array]:
         """Depth [m] and tension [N] at x (m,) [m], by bisection and three steps of Newton's method."""

@@ -16,6 +16,7 @@ Left out: the momentum of the rope that enters, rho ds^2, below 1e-5 of the tens
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
@@ -26,12 +27,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
+from scipy.optimize import fsolve
 
 from validation.core.motion_bodies import CarBody, drive_mode, is_hauled_in_x, to_complex, to_vectors
 from validation.core.scene_data import (
     DOWN,
     ROUNDING,
     Array,
+    HangingRope,
     LineData,
     height_over_at,
     min_height_over,
@@ -111,10 +114,15 @@ class RopeChain(NamedTuple):
     tension: Array  # (n, k), at contacts and cars the mean of both sides
 
 
+def bodies_on_rope(motion: Any) -> list[Any]:
+    """Contacts, cars and rear wheels; a car of two wheels stands for its front one."""
+    rear_wheels = [car.turning.wheels[0] for car in motion.cars if car.turning is not None and car.turning.wheels]
+    return [*motion.contacts, *motion.cars, *rear_wheels]
+
+
 def rope_chain(motion: Any) -> RopeChain:
     """The rope of a motion; stations beyond it are put at the first contact."""
-    rear_wheels = [car.turning.wheels[0] for car in motion.cars if car.turning is not None and car.turning.wheels]
-    touching = [*motion.contacts, *motion.cars, *rear_wheels]  # a car of two wheels stands for its front one
+    touching = bodies_on_rope(motion)
     first = motion.contacts[0]
     on_rope = np.isfinite(motion.tension)  # (n, stations)
     s = np.where(on_rope, motion.s, first.s[:, None])
@@ -143,8 +151,10 @@ class SampledMotion:
         self.t = motion.t[self.taken]
         self.cars = list(motion.cars)
         self.contacts = list(motion.contacts)
+        self.touching = bodies_on_rope(motion)
         self.bodies = [CarBody(line.cars[car.name], car, motion, self.at_samples, line.gravity) for car in self.cars]
         s, points, T = (self.at_samples(values) for values in rope_chain(motion))
+        self.rope_at_start = RopeChain(s[0], points[0], T[0])
         ds = np.diff(s, axis=1)  # (n, k - 1)
         middles = 0.5 * (points[:, 1:] + points[:, :-1])
         squared_tension = 0.5 * (T[:, 1:] ** 2 + T[:, :-1] ** 2)
@@ -231,6 +241,34 @@ def energy_defect_over_all_work(t: Array, energy: Array, kinetic: Array, powers:
 
 
 # --- laws -------------------------------------------------------------------------------------------------------------
+
+
+def shape_at_start_defects(x: SampledMotion, end: float) -> Array:
+    """Largest distance (1,) of the rope at the start from catenaries with the length and the ends of its pieces.
+
+    Over its length, beyond rounding. Pieces end at what touches the rope. Forces of the run are not used.
+    """
+    s, points, _ = x.rope_at_start
+    ends = np.flatnonzero(np.isin(s, [body.s[0] for body in x.touching]))
+    off = [0.0]
+    for a, b in itertools.pairwise(ends):
+        if b - a > 1:  # with stations inside
+            shape = _catenary_through(s[a : b + 1] - s[a], points[b] - points[a], x.line)
+            off.append(float(np.abs(points[a : b + 1] - points[a] - shape).max()))
+    return np.array([max(max(off) / float(s[-1] - s[0]) - ROUNDING, 0.0)])
+
+
+def _catenary_through(S: Array, end: Array, line: LineTables) -> Array:
+    """Points (n, 2) [m] at lengths S (n,) [m] of the rope at rest from the origin to its `end` (2,) at the last one."""
+
+    def points_with(force: Array) -> Array:
+        rope = HangingRope.at_lengths(S, force[0], force[1], line.q, line.EA)
+        return np.column_stack([rope.x, rope.y])
+
+    chord = float(np.hypot(*end))
+    stretched = line.EA * (chord / S[-1] - 1.0)
+    guess = max(stretched, line.q * chord) * end / chord + 0.5 * line.q * S[-1] * DOWN
+    return points_with(fsolve(lambda force: points_with(force)[-1] - end, guess))
 
 
 def momentum_defects_by_window(x: SampledMotion, end_time: float) -> Array:
@@ -428,7 +466,11 @@ Law = Callable[[SampledMotion, float], Array]  # defects of a run up to a time [
 
 def laws_that_apply(line: LineTables, motions: Sequence[Any]) -> dict[str, Law]:
     """Laws of some motions of a line, by name."""
-    laws: dict[str, Law] = {"momentum of rope and cars": momentum_defects_by_window, "energy and work": energy_defects}
+    laws: dict[str, Law] = {
+        "shape of the rope at the start": shape_at_start_defects,
+        "momentum of rope and cars": momentum_defects_by_window,
+        "energy and work": energy_defects,
+    }
     if any(car.turning is not None for car in motions[0].cars):
         laws["moment of momentum of bodies"] = body_moment_defects_by_window
         laws["forces on kinks of the rope"] = turning_body_force_defects_by_window

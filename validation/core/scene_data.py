@@ -3,7 +3,7 @@
 import math
 import tomllib
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,6 +143,23 @@ def series_faults(
     scale = scale or float(np.nanmax(np.abs(expected), initial=0.0)) or 1.0
     if off > rounding * scale:
         yield f"{name} is not what was computed: off by {off:.3g} of {scale:.3g}"
+
+
+class HangingRope(NamedTuple):
+    """Points and tensions (n,) of a rope that hangs from a point: see `line_laws`."""
+
+    x: Array  # [m] from there
+    y: Array
+    tension: Array  # [N]
+
+    @classmethod
+    def at_lengths(cls, S: Array, H: Any, P: Any, q: float, EA: float) -> "HangingRope":
+        """At unstretched lengths S (n,) [m] from the point, with the force H, P [N] there."""
+        P1 = P - q * S
+        N = np.hypot(H, P)
+        N1 = np.hypot(H, P1)
+        turned = np.arcsinh(P / H) - np.arcsinh(P1 / H)
+        return cls(H * S / EA + H / q * turned, (P * S - 0.5 * q * S**2) / EA + (N - N1) / q, N1)
 
 
 class LineData:
