@@ -33,8 +33,7 @@ def test_a_car_that_starts_elsewhere_is_seen():
     assert third_party_verdict("rest", RIDE, lower) is Verdict.DISAGREE
 
 
-@pytest.mark.parametrize("rule", [NewmarkRule, CollocationRule])
-@pytest.mark.parametrize("scene", ["level", "zipline"])
+@pytest.mark.parametrize(("scene", "rule"), [("level", NewmarkRule), ("zipline", CollocationRule)])
 def test_a_driver_whose_velocities_lag_is_seen(scene, rule, monkeypatch):
     """Of a rule of either solver, for a timetable and for a ride."""
     step = rule.__call__
