@@ -363,6 +363,8 @@ def _stop_time(evidence: Evidence) -> float:
     if not drive.get("rolling_friction") and not drive.get("brake"):
         return float(r.t[-1])
     slips = np.diff(r.s_o)
+    if not slips.any():  # held from the start
+        return float(r.t[0])
     halts = 1 + np.flatnonzero((slips[:-1] != 0.0) & (slips[:-1] * slips[1:] <= 0.0))  # steps
     near = evidence.data.round_trip * _largest_speed_at_rest(evidence)
     at_end = halts[np.abs(r.s_o[halts] - r.s_o[-1]) <= near]
