@@ -188,17 +188,17 @@ def test_a_car_too_heavy_for_its_rope_is_not_called_a_short_rope(solver):
     assert "no tension below EA" in str(found.positions[0])
 
 
-def test_an_empty_line_without_rest_names_the_tension_that_does_not_do(solver):
+def test_an_empty_line_without_rest_names_the_tension_that_does_not_do():
     """Level and empty, a rope needs 0.754 times span and weight per length at its ends."""
     ends = contact("left", "anchor", 0.0, 0.0), contact("right", "anchor", 600.0, 0.0)
     for share, does in ((0.8, True), (0.75, False)):
         tension = {"at": "left", "value": share * 600.0 * 9.0 * 9.81}
         given = line({"mass_per_length": 9.0, "EA": 1.4e9, "tension": tension}, *ends)
         if does:
-            assert given.solve_at_rest(solver).states
+            assert given.solve_at_rest(catenary_line.solve).states
             continue
         with pytest.raises(SceneError, match=r"with cable.tension.value = 39730.5 N at left"):
-            given.solve_at_rest(solver)
+            given.solve_at_rest(catenary_line.solve)
 
 
 def test_a_case_without_rest_leaves_the_others(solver):
@@ -264,8 +264,8 @@ def two_span_with_heavy_car(*at):
     return Line.load("two-span").replace({"car.up.mass": 8e4, "car.up.at": [*at], "car.down.at": 1136.0})
 
 
-def test_a_rope_that_cannot_carry_its_cars_says_why(solver):
-    near, far = two_span_with_heavy_car(50, 200).solve_at_rest(solver).positions
+def test_a_rope_that_cannot_carry_its_cars_says_why():
+    near, far = two_span_with_heavy_car(50, 200).solve_at_rest(catenary_line.solve).positions
     assert "828945 N of cars on the rope; valley holds it with 380000 N" in str(near) + str(far)
 
 
