@@ -1,15 +1,18 @@
 """Which planted faults of cabins and of cars on two wheels the laws of a check see."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 
+from cablefem import catenary_line
 from cablefem.scene.line import Line
 from tests.motion.lines import BODIES, OVER, broken_laws
 from validation.commands.check.motion import compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns
 from validation.core.agreement import worst_deciding_verdict
+from validation.core.motion_laws import LineTables
 from validation.core.motion_rows import LineTolerance
 
 MOMENT, KINKS, CENTRES = "moment of momentum of bodies", "forces on kinks of the rope", "centres of mass"
@@ -56,6 +59,7 @@ def test_nothing_is_counted_that_the_line_does_not_have(line, ladder):
 @pytest.mark.parametrize(
     ("fault", "seen"),
     [
+        ({"cable.length": 402.0004}, {"length of the rope"}),
         ({"car.sled.wheels.ahead": 0.05}, {MOMENT, CENTRES}),
         ({"car.sled.wheels.below": 0.55}, {MOMENT, CENTRES}),
         ({"car.cabin.hanger.length": 3.05}, {MOMENT, CENTRES, ENERGY}),
@@ -65,6 +69,15 @@ def test_nothing_is_counted_that_the_line_does_not_have(line, ladder):
 )
 def test_a_body_that_is_not_that_of_the_toml_is_seen(line, ladder, fault, seen):
     assert broken_laws(line.replace(fault).to_toml(), ladder) == seen
+
+
+def test_the_length_of_a_rope_follows_from_its_tension_at_any_contact():
+    line = Line.from_toml(OVER)
+    state = line.solve_empty_line(catenary_line.solve)
+    for station, tensions in zip(state.case.stations, state.station_tensions, strict=True):
+        told = {"at": station.name, "value": float(np.nanmax(tensions))}
+        toml = re.sub(r"\nlength = .*", f'\ntension = {{at = "{told["at"]}", value = {told["value"]}}}', OVER)
+        assert LineTables(toml).length_between_fixed_ends == pytest.approx(300.8, rel=1e-12)
 
 
 def without_turning_inertia(motion, with_turning):

@@ -85,6 +85,44 @@ class LineTables(LineData):
         """s (n,) [m] at which the brakes of a car begin."""
         return np.array([brake["from"] for brake in self.cars[car].get("drive", {}).get("brake", [])])
 
+    @cached_property
+    def length_between_fixed_ends(self) -> float | None:
+        """Length [m] of the hot rope, by the TOML's length or tension of the empty line; None: an end or spring moves.
+
+        From contact to contact the tension is that of the span before.
+        """
+        cable = self.data["cable"]
+        if any(contact["kind"] in ("counterweight", "spring") for contact in self.contacts):
+            return None
+        if "length" in cable:
+            return float(cable["length"]) * self.heat
+        names = [contact["name"] for contact in self.contacts]
+        k = names.index(cable["tension"]["at"])
+        points = np.array([contact["at"] for contact in self.contacts], float)
+        length = 0.0
+        for way in (points[k:], points[k::-1] * [-1.0, 1.0]):
+            N = cable["tension"]["value"]
+            for end in np.diff(way, axis=0):
+                piece, N = self._length_and_far_tension_of_span(end, N)
+                length += piece
+        return length * self.heat
+
+    def _length_and_far_tension_of_span(self, end: Array, N: float) -> tuple[float, float]:
+        """Length [m] of the empty rope from where its tension is N [N] to `end` (2,) from there, and its tension there."""
+        q = self.empty_mass_per_length * self.gravity
+
+        def rope_with(length_and_slope: Array) -> HangingRope:
+            S, angle = length_and_slope
+            return HangingRope.at_lengths(np.array([S]), N * math.cos(angle), N * math.sin(angle), q, self.EA)
+
+        def missed(length_and_slope: Array) -> Array:
+            rope = rope_with(length_and_slope)
+            return np.array([rope.x[0], rope.y[0]]) - end
+
+        chord = math.hypot(*end)
+        found = fsolve(missed, [chord, math.atan2(end[1], end[0]) + 0.5 * q * chord / N])
+        return float(found[0]), float(rope_with(found).tension[0])
+
     @property
     def counterweights(self) -> list[Counterweight]:
         ends = [Counterweight(-1.0, 0, self.contacts[0]), Counterweight(1.0, -1, self.contacts[-1])]
@@ -256,6 +294,14 @@ def shape_at_start_defects(x: SampledMotion, end: float) -> Array:
             shape = _catenary_through(s[a : b + 1] - s[a], points[b] - points[a], x.line)
             off.append(float(np.abs(points[a : b + 1] - points[a] - shape).max()))
     return np.array([max(max(off) / float(s[-1] - s[0]) - ROUNDING, 0.0)])
+
+
+def rope_length_defects(x: SampledMotion, end: float) -> Array:
+    """Distance (1,) of the rope's length from that of the TOML, over it, beyond rounding."""
+    expected = x.line.length_between_fixed_ends
+    assert expected is not None
+    s = x.rope_at_start.s
+    return np.array([max(abs(float(s[-1] - s[0]) / expected - 1.0) - ROUNDING, 0.0)])
 
 
 def _catenary_through(S: Array, end: Array, line: LineTables) -> Array:
@@ -482,6 +528,8 @@ def laws_that_apply(line: LineTables, motions: Sequence[Any]) -> dict[str, Law]:
 
 def _laws_of_contacts_and_drives(line: LineTables) -> dict[str, Law]:
     laws: dict[str, Law] = {}
+    if line.length_between_fixed_ends is not None:
+        laws["length of the rope"] = rope_length_defects
     if line.counterweights:
         laws["motion of the counterweight"] = counterweight_defects_by_window
     if any("travel" in car for car in line.cars.values()):
