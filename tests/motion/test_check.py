@@ -541,6 +541,13 @@ def test_a_ride_is_the_same_however_long_its_end_time_waits():
     assert long.motion.t.size < 1.5 * short.motion.t.size
 
 
+def test_a_contact_elsewhere_than_in_the_file_is_seen(line, by_elements, by_sines):
+    told = line.replace({"contact.tower.at": [700.0, -310.01]})
+    rows = law_rows(told.to_toml(), [by_elements, by_sines], by_elements.finest.end_time)
+    broken = {row.law for row in rows if row.verdict.value == "disagree"}
+    assert broken >= {f"points of contacts, {solver}" for solver in ("elements", "sines")}
+
+
 @pytest.mark.parametrize("told", [{"cable.mass_per_length": 11.4114}, {"cable.EA": 2.1021e8}])
 def test_a_thousandth_of_mass_or_stiffness_changes_the_rope_at_the_start(line, by_elements, by_sines, told):
     rows = law_rows(line.replace(told).to_toml(), [by_elements, by_sines], by_elements.finest.end_time)

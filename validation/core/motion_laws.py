@@ -108,7 +108,7 @@ class LineTables(LineData):
         return length * self.heat
 
     def _length_and_far_tension_of_span(self, end: Array, N: float) -> tuple[float, float]:
-        """Length [m] of the empty rope from where its tension is N [N] to `end` (2,) from there, and its tension there."""
+        """Length [m] of the empty rope from where its tension is N to `end` (2,) from there, and the tension there."""
         q = self.empty_mass_per_length * self.gravity
 
         def rope_with(length_and_slope: Array) -> HangingRope:
@@ -293,6 +293,18 @@ def shape_at_start_defects(x: SampledMotion, end: float) -> Array:
         if b - a > 1:  # with stations inside
             shape = _catenary_through(s[a : b + 1] - s[a], points[b] - points[a], x.line)
             off.append(float(np.abs(points[a : b + 1] - points[a] - shape).max()))
+    return np.array([max(max(off) / float(s[-1] - s[0]) - ROUNDING, 0.0)])
+
+
+def contact_point_defects(x: SampledMotion, end: float) -> Array:
+    """Largest distance (1,) of contacts from their points in the TOML, of springs by their force; over the rope."""
+    off = [0.0]
+    for contact, table in zip(x.contacts, x.line.contacts, strict=True):
+        shift = x.at_samples(contact.point) - table["at"]  # (n, 2)
+        if table["kind"] == "spring":
+            shift = shift - x.at_samples(contact.pressure) / table["stiffness"]
+        off.append(float(np.abs(shift).max()))
+    s = x.rope_at_start.s
     return np.array([max(max(off) / float(s[-1] - s[0]) - ROUNDING, 0.0)])
 
 
@@ -513,6 +525,7 @@ Law = Callable[[SampledMotion, float], Array]  # defects of a run up to a time [
 def laws_that_apply(line: LineTables, motions: Sequence[Any]) -> dict[str, Law]:
     """Laws of some motions of a line, by name."""
     laws: dict[str, Law] = {
+        "points of contacts": contact_point_defects,
         "shape of the rope at the start": shape_at_start_defects,
         "momentum of rope and cars": momentum_defects_by_window,
         "energy and work": energy_defects,
