@@ -555,7 +555,10 @@ def test_a_thousandth_of_mass_or_stiffness_changes_the_rope_at_the_start(line, b
     assert {f"shape of the rope at the start, {solver}" for solver in ("elements", "sines")} <= broken
 
 
-@pytest.mark.parametrize(("told", "broken"), [(0.3, set()), (0.0, {"momentum of rope and cars, sines"})])
+@pytest.mark.parametrize(
+    ("told", "broken"),
+    [(0.3, set()), (0.0, {"momentum of rope and cars, sines"}), (0.303, {"power of damping, sines"})],
+)
 def test_laws_read_the_damping_of_a_rope_from_the_file(line, told, broken):
     damped = Line.from_toml(line.to_toml().replace("[cable]\n", "[cable]\ndamping = {rate = 0.3}\n"))
     ladder = LineRuns(SINES, damped).ladder(2, 2)

@@ -201,6 +201,8 @@ class SampledMotion:
         self.rope_depth = (middles[..., 1] * ds).sum(axis=1)  # int y ds (n,)
         self.rope_squared_tension = (squared_tension * ds).sum(axis=1)  # int N^2 ds (n,)
         self.kinetic = self._kinetic_energy_of_rope(motion)
+        self.kinetic_of_run = self.at_samples(motion.kinetic)  # of rope and cars
+        self.damping_power = self.at_samples(motion.powers.get("damping", 0.0 * motion.t))
 
     def at_samples(self, values: Array) -> Array:
         return values[self.taken]
@@ -388,6 +390,14 @@ def energy_defects(x: SampledMotion, end_time: float) -> Array:
     return energy_defect_over_all_work(x.t, energy, kinetic, powers)
 
 
+def damping_power_defects(x: SampledMotion, end: float) -> Array:
+    """Largest distance (1,) of the power that damping takes from the rope's motion from that by the TOML's rate."""
+    of_rope = x.kinetic_of_run - sum(body.kinetic_energy for body in x.bodies)
+    expected = -2.0 * x.line.damping_rate * of_rope
+    distance = float(np.abs(x.damping_power - expected).max()) / float(np.abs(expected).max() or 1.0)
+    return np.array([max(distance - ROUNDING, 0.0)])
+
+
 def body_moment_defects_by_window(x: SampledMotion, end_time: float) -> Array:
     """Defects (bodies, WINDOWS) of the moment of momentum of cabins and two-wheel cars, over their weight and size."""
     windows = TimeWindows.over(x.t, end_time)
@@ -541,6 +551,8 @@ def laws_that_apply(line: LineTables, motions: Sequence[Any]) -> dict[str, Law]:
 
 def _laws_of_contacts_and_drives(line: LineTables) -> dict[str, Law]:
     laws: dict[str, Law] = {}
+    if line.damping_rate:
+        laws["power of damping"] = damping_power_defects
     if line.length_between_fixed_ends is not None:
         laws["length of the rope"] = rope_length_defects
     if line.counterweights:
