@@ -152,11 +152,10 @@ class LineInMotion(MarchingSystem):
         values += [np.where(in_order, x, np.inf) for x in (*forces, self.time_when_at_rest(phase) - t)]
         for passage in self.passages:
             x, dx = self.car_points_and_rates(passage.car, t, coordinates, phase)[:2, ..., 0]
-            to_go = np.vectorize(passage.distance_to_go)(x, dx)
+            turn = np.full(x.shape, np.inf)
             if passage.ends_with_pressure:
-                turn = upward_turn(self.slopes_beside_car(passage.car, coordinates))
-                to_go = np.where(np.isinf(to_go), to_go, np.minimum(to_go, turn.reshape(to_go.shape)))
-            values.append(to_go)
+                turn = upward_turn(self.slopes_beside_car(passage.car, coordinates)).reshape(x.shape)
+            values.append(np.vectorize(passage.distance_to_go)(x, dx, turn))
         return np.stack(values, axis=-1)
 
     # --- cars that stick and slip ------------------------------------------------------------------------------

@@ -35,8 +35,11 @@ class Passage(NamedTuple):
     def __str__(self) -> str:
         return f"{self.car} {self.action} {self.saddle.name}"
 
-    def distance_to_go(self, x: float, velocity: float) -> float:
-        """[m] from x to this passage; inf: not that way."""
+    def distance_to_go(self, x: float, velocity: float, turn: float) -> float:
+        """[m] from x to this passage; inf: not that way.
+
+        turn : `upward_turn` of the rope, whose end is the passage if it `ends_with_pressure`.
+        """
         shoe = self.saddle.shoe or 0.0
         offset = x - self.saddle.point[0]
         outwards = offset * velocity  # > 0: away from the saddle
@@ -48,6 +51,8 @@ class Passage(NamedTuple):
                 to_go = abs(offset) - shoe
             case "leaves the rope at":
                 to_go = abs(offset) - TIP * shoe
+                if approaches and self.ends_with_pressure:
+                    to_go = min(to_go, turn)
             case "leaves the shoe of":
                 to_go = shoe - abs(offset)
                 approaches = outwards > 0.0

@@ -12,6 +12,7 @@ from cablefem.catenary_line import solve
 from cablefem.scene.errors import SceneError
 from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
+from cablefem.shoes import Passage
 from tests.motion.lines import OVER, broken_laws
 from validation.commands.check.motion import compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, merge_instants, motion_answers
@@ -190,3 +191,10 @@ def test_a_shoe_has_no_friction(method):
     on_shoe = motion.cars[0].shoe_force != 0.0
     assert (motion.powers["car friction"][on_shoe] == 0.0).all()
     assert (motion.powers["car friction"][~on_shoe] < 0.0).sum() > 10
+
+
+def test_a_car_behind_a_saddle_does_not_leave_the_rope_that_it_has_just_taken():
+    """Where rounding puts it beyond the tip of the shoe, on rope that the shoe holds down."""
+    saddle = next(c for c in line_in_motion(HAULED, solve).contacts if c.name == "tower")
+    passage = Passage("car", "leaves the rope at", saddle, ends_with_pressure=True)
+    assert passage.distance_to_go(149.5, 4.0, turn=-1e-3) < 0.0 < passage.distance_to_go(151.0 + 1e-12, 4.0, turn=-1e-3)
