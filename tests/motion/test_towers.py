@@ -198,3 +198,10 @@ def test_a_car_behind_a_saddle_does_not_leave_the_rope_that_it_has_just_taken():
     saddle = next(c for c in line_in_motion(HAULED, solve).contacts if c.name == "tower")
     passage = Passage("car", "leaves the rope at", saddle, ends_with_pressure=True)
     assert passage.distance_to_go(149.5, 4.0, turn=-1e-3) < 0.0 < passage.distance_to_go(151.0 + 1e-12, 4.0, turn=-1e-3)
+
+
+def test_a_cabin_that_stops_on_a_shoe_keeps_every_law():
+    """The shoe pushes across the path of the car, which a standing one has, too."""
+    text = OVER.replace("to = 170.0", "to = 148.0, rest = 3.0").replace("top_speed = 6.0", "top_speed = 3.0")
+    text += "[car.hanger]\nmass = 1000.0\nlength = 3.0"
+    assert broken_laws(text, LineRuns(ELEMENTS, Line.from_toml(text)).ladder(2, 4)) == set()

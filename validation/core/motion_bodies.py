@@ -101,9 +101,11 @@ class CarBody:
         self.arms = [0.0 * point]  # contact less c
         self.touching = [RopeContact(car, car.contact_force, sampled)]
         self.e = self.touching[0].tau
-        speed = np.abs(velocity)
-        # a shoe pushes across the car's path, which is not quite along the rope
-        cosine = np.divide(np.abs(dot(velocity, self.e)), speed, out=np.ones_like(speed), where=speed > 0.0)
+        # a shoe pushes across the car's path, which is not quite along the rope; standing cars keep their direction
+        latest = np.maximum.accumulate(np.where(velocity != 0.0, np.arange(velocity.size), 0))
+        moving = velocity[latest]
+        speed = np.abs(moving)
+        cosine = np.divide(np.abs(dot(moving, self.e)), speed, out=np.ones_like(speed), where=speed > 0.0)
         self.touching[0].load_taken_by_shoe = sampled(car.shoe_force) * cosine
         mass = data["mass"]
         contact_mass = 0.0  # mass at the contact
