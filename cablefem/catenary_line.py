@@ -145,11 +145,11 @@ def _mean_tangent(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # of a trial in which a piece hangs plumb, w = 1: it is refused
-def _solve_by_newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
-    """Unknowns by damped Newton steps and `extra_steps`; LineNotConverged without convergence."""
+def _solve_by_newton(problem: _CatenaryProblem, extra_newton_steps: int) -> np.ndarray:
+    """Unknowns by damped Newton steps and `extra_newton_steps`; LineNotConverged without convergence."""
     # complex-step differentiation
     X = problem.X
-    remaining_steps = extra_steps + 1
+    remaining_steps = extra_newton_steps + 1
     tiny = 1e-30
     smallest_factor = 1e-3  # of damping
     for _ in range(STEPS):
@@ -183,17 +183,17 @@ def _is_ordered_and_improved(problem: _CatenaryProblem, X: np.ndarray, residual_
     return near or bool(np.linalg.norm(problem.residual(X[:, None])) < np.linalg.norm(residual_before))
 
 
-def _solve_case(case: Case, extra_steps: int) -> LineState | NoLineAtRest:
+def _solve_case(case: Case, extra_newton_steps: int) -> LineState | NoLineAtRest:
     try:
         problem = _CatenaryProblem(case)
-        return problem.line_state(_solve_by_newton(problem, extra_steps))
+        return problem.line_state(_solve_by_newton(problem, extra_newton_steps))
     except NoLineAtRest as error:
         return error
 
 
-def solve(cases: Sequence[Case], extra_steps: int = 0) -> list[LineState | NoLineAtRest]:
-    """Each case at rest; `extra_steps` : Newton steps beyond convergence."""
-    return [_solve_case(case, extra_steps) for case in cases]
+def solve(cases: Sequence[Case], extra_newton_steps: int = 0) -> list[LineState | NoLineAtRest]:
+    """Each case at rest; `extra_newton_steps` : Newton steps beyond convergence."""
+    return [_solve_case(case, extra_newton_steps) for case in cases]
 
 
 def depth_and_tension_at_x(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -146,7 +146,7 @@ class LineInMotion(MarchingSystem):
         for i in self.stops:
             values.append(np.where(self.sticks(i), np.inf, v[..., self.travel_unknown_index(i)] * self.slip_sign(i)))
         for i in self.braked:
-            behind, ahead = self._brake_positions_around(i)
+            behind, ahead = self._last_and_next_brake_or_inf(i)
             position = q[..., self.travel_unknown_index(i)]
             values += [ahead - position, position - behind]
         values += [np.where(in_order, x, np.inf) for x in (*forces, self.time_when_at_rest(phase) - t)]
@@ -207,7 +207,7 @@ class LineInMotion(MarchingSystem):
             sign = math.copysign(1.0, ds) if abs(ds) > TURNING else self.slip_sign(i)
             self.set_friction_and_forget_event_values(i, self.reached[i], sign)
 
-    def _brake_positions_around(self, i: int) -> tuple[float, float]:
+    def _last_and_next_brake_or_inf(self, i: int) -> tuple[float, float]:
         """Where the last brake that acts on a car begins, and the next one; infinite where there is none."""
         return self.car_by_number[i].drive.brake_positions_around(self.reached[i])
 
@@ -256,7 +256,7 @@ class LineInMotion(MarchingSystem):
                 return self._stop_or_slip_on(i, x)
             if name == f"{car} breaks loose":
                 return self._start_slipping(i, x)
-            behind, ahead = self._brake_positions_around(i)
+            behind, ahead = self._last_and_next_brake_or_inf(i)
             if name == f"{car} brakes":
                 self.set_friction_and_forget_event_values(i, ahead, self.slip_sign(i))
                 return self.with_acceleration(x)

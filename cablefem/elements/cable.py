@@ -143,7 +143,7 @@ class CableElements(System):
     def collocate_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         if not self.many_steps:
             steps = steps.section(0, 1)
-        return self._yield_results_noting_tension(self._take_collocation_steps(phase, steps, rule, newton))
+        return self._yield_results_noting_tension(self._take_collocation_steps_until_event(phase, steps, rule, newton))
 
     def _take_newmark_steps(
         self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
@@ -158,7 +158,9 @@ class CableElements(System):
         taken = solve_newmark_steps(self._cable, car, self._tangent, self._bands, steps, newton)
         return ends, results, taken
 
-    def _take_collocation_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Array:
+    def _take_collocation_steps_until_event(
+        self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton
+    ) -> Array:
         """Take collocation steps; return `results` of `kernels.newton.Steps` of those taken, at least of the first."""
         t = rule.node_times(steps.t)
         results = np.empty((len(steps.a), 6))

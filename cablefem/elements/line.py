@@ -279,7 +279,7 @@ class _LineBatch:
         free = self.number >= 0
         self.X[self.number[free]] = stations[free]
 
-    def form_data(self, X: Array, softness: Array) -> Fields:
+    def element_fields(self, X: Array, softness: Array) -> Fields:
         """Data of the forms; softness (cases,) 0 is EA, 1 is SOFTEST times the tension.
 
         The soft law N = N_ref + EA_soft (lam - lam_ref) keeps the length of the rope.
@@ -302,7 +302,7 @@ class _LineBatch:
         return data | {"lam": lam, "N": N, "W": W, "t": tangent, "y": u[1]}
 
     def energy_gradient(self, fields: Fields) -> Array:
-        """z = (f, g) by the nodes and by h; fields : see `form_data`."""
+        """z = (f, g) by the nodes and by h; fields : see `element_fields`."""
         of_elements = energy_derivative_by_length.elemental(self.basis, **fields)
         f = weak_force.assemble(self.basis, **fields)
         g = of_elements.reshape(self.pieces, -1).sum(axis=1)
@@ -369,10 +369,10 @@ class _LineBatch:
     ) -> None:  # fmt: skip
         """Set X by Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,).
 
-        softness : see `form_data`.  tolerance : of the last step, over the reach.
+        softness : see `element_fields`.  tolerance : of the last step, over the reach.
         """
         self._set_loads(softness, stages.heavier)
-        fields = self.form_data(self.X, softness)
+        fields = self.element_fields(self.X, softness)
         R, slope = self.residual_and_condition_slopes(self.X, fields)
         near = 1e-6  # residual over H for undamped steps
         smallest_factor = 1e-3  # of damping
@@ -384,7 +384,7 @@ class _LineBatch:
             part = np.where(stuck, 0.0, 1.0)
             while True:
                 trial = self.X + part[self.case_of] * step
-                fields = self.form_data(trial, softness)
+                fields = self.element_fields(trial, softness)
                 R, slope = self.residual_and_condition_slopes(trial, fields)
                 falls = self.residual_norm_per_case(R) < before
                 worse = ~falls & (before > near * self.H) & ~stuck
@@ -404,7 +404,7 @@ class _LineBatch:
         free = self.number >= 0
         stations = self.prescribed.copy()  # x, y and s
         stations[free] = self.X[self.number[free]]
-        fields = self.form_data(self.X, np.zeros(len(self.cases)))
+        fields = self.element_fields(self.X, np.zeros(len(self.cases)))
         z = np.append(self.energy_gradient(fields), np.nan)  # last: no piece
         behind = z[self.behind[:, :2]]
         ahead = -z[self.ahead[:, :2]]

@@ -23,7 +23,7 @@ def tension_form(phi, eta, w):
 
 
 @skfem.LinearForm
-def slope_times_gradient_form(eta, w):
+def slope_times_test_gradient_form(eta, w):
     return w["slope"] * eta.grad[0]
 
 
@@ -55,7 +55,7 @@ def scaled_frequencies(
     else:
         T_chord = 1.0 / groups.chord_cos
         slope = groups.sigma * groups.chord_cos / T_chord * (0.5 - s)
-        sag = slope_times_gradient_form.assemble(basis, slope=slope)[inner]
+        sag = slope_times_test_gradient_form.assemble(basis, slope=slope)[inner]
         stretching = STRETCHING[model][0] * groups.alpha * csr_array(np.outer(sag, sag))
         K = stiffness(np.full_like(s, T_chord)) + stretching
     return np.sqrt(eigh(K.toarray(), M.toarray(), eigvals_only=True)[:n])

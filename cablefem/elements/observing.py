@@ -148,7 +148,7 @@ def observe_cable(system: CableElements, node_kinematics: Array, states: States)
         q = np.ascontiguousarray(x[:, 0])
         v = np.ascontiguousarray(x[:, 1])
         kinetic = kinetic_energy(system, at, q, v)
-        strained = strain_state(system, at, q)
+        strained = strain_energy_and_smallest_tension(system, at, q)
         parts.append((kinetic, *strained, _matrix_times_unknowns(columns, x)))
     kinetic, *arrays, moments = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
     strained = StrainState(*arrays)
@@ -197,7 +197,7 @@ class StrainState(NamedTuple):
     force: Array  # int f dxi of both sides (2, fields, n)
 
 
-def strain_state(system: CableElements, node_kinematics: Array, q: Array) -> StrainState:
+def strain_energy_and_smallest_tension(system: CableElements, node_kinematics: Array, q: Array) -> StrainState:
     """Strain energy, smallest tension and internal force of a history."""
     s_o = node_kinematics[0]
     points = system._at_force

@@ -134,7 +134,7 @@ class RollingElements(RollingCar, FollowingElements):
         many = not self.free or rule.c[-1] == 1.0
         if not (many and self.is_event_free_range_known):
             steps = steps.section(0, 1)
-        results = self._take_collocation_steps(phase, steps, rule, newton)
+        results = self._take_collocation_steps_until_event(phase, steps, rule, newton)
         self._set_start_of_event_search(steps.t[1:], len(results))
         return self._yield_results_noting_tension(results)
 

@@ -172,8 +172,8 @@ def test_displacement_follows_from_velocity_where_the_mass_stands_on_a_station(l
 def test_changes_that_cancel_in_a_mean_leave_it_uncertain():
     right = laws.Defect(np.arange(4.0), np.array([[3.0], [1.0], [2.0], [0.0]]), averaged=True)
     finer = np.array([[2.0], [2.0], [1.0], [1.0]])  # the same mean by chance
-    assert right.rms_or_mean_distance(right.value, finer) == pytest.approx(0.5)
-    assert right.rms_or_mean_distance(right.value, right.value + 2.0) == pytest.approx(2.0)
+    assert right.column_distances(right.value, finer) == pytest.approx(0.5)
+    assert right.column_distances(right.value, right.value + 2.0) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("steps", [400, 401])  # slack begins after an even and an odd number of steps

@@ -37,7 +37,7 @@ class Defect(NamedTuple):
             return np.abs(np.mean(self.value, axis=0))
         return np.sqrt(np.mean(self.value**2, axis=0))
 
-    def rms_or_mean_distance(self, a: Array, b: Array) -> Array:
+    def column_distances(self, a: Array, b: Array) -> Array:
         """Distance (c,) of two values (k, c) of this law.
 
         Changes of single frames may cancel in a mean by chance: it is uncertain by their rms over the root of k.
@@ -122,7 +122,7 @@ def _space_and_time_error_bars(law: Law, defect: Defect, judged: _EvidenceOfLadd
     """Bars (c,) of a defect in space and time."""
     ladder = judged.ladder
     values = {key: (defect if law.exact else law.defect(x)).value for key, x in judged.by_run.items()}
-    space, time = ladder.error_bars_in_space_and_time(lambda r: values[id(r)], defect.rms_or_mean_distance, FIRST)
+    space, time = ladder.error_bars_in_space_and_time(lambda r: values[id(r)], defect.column_distances, FIRST)
     components = defect.rms_or_mean.shape
     space = np.broadcast_to(space, components)
     time = np.broadcast_to(time, components)
@@ -134,8 +134,8 @@ def _space_and_time_error_bars(law: Law, defect: Defect, judged: _EvidenceOfLadd
 def _sampling_error_bars(law: Law, defect: Defect, sparse: tuple[Evidence, Evidence]) -> Array:
     """Bars (c,) of a defect by half and a quarter of what it is computed from."""
     half, quarter = (law.defect(x).value for x in sparse)
-    change = defect.rms_or_mean_distance(defect.value, half)
-    next_change = defect.rms_or_mean_distance(half, quarter)
+    change = defect.column_distances(defect.value, half)
+    next_change = defect.column_distances(half, quarter)
     return ROUNDING + error_bar(change, next_change, (2.0, 2.0), FIRST)
 
 

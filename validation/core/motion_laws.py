@@ -39,8 +39,8 @@ from validation.core.scene_data import (
     height_over_at,
     min_height_over,
     obstacle_and_ground_profiles,
-    rope_stresses_at_wheel,
     series_faults,
+    tension_ratio_and_rope_stresses_at_wheel,
 )
 from validation.core.stored_files import Entries, damaged_files_are_faults, read_csv_columns
 from validation.core.timetable import Timetable
@@ -728,7 +728,7 @@ class _LineFiles:
         for side, N in (("rear", path["T_behind"]), ("front", path["T_ahead"])):
             load = path.get(f"wheel_{side}", 0.5 * path["F_contact"])
             Q = load * 2.0 / wheels.get("count", 2)
-            for kind, values in rope_stresses_at_wheel(self.line.data["cable"], wheels, N, Q).items():
+            for kind, values in tension_ratio_and_rope_stresses_at_wheel(self.line.data["cable"], wheels, N, Q).items():
                 stresses.setdefault(kind, []).append(values)
         return stresses
 

@@ -34,7 +34,7 @@ from validation.core.scene_data import (
     means_around_times,
     min_height_over,
     obstacle_and_ground_profiles,
-    rope_stresses_at_wheel,
+    tension_ratio_and_rope_stresses_at_wheel,
 )
 from validation.core.timetable import Timetable
 
@@ -281,7 +281,7 @@ def _signals_by_kind(r: Response, data: OneSpanData) -> dict[str, Signals]:
     wheels = data.scene["mass"].get("wheels", {})
     for N in (r.T_behind, r.T_ahead) if wheels else ():
         load = at_steps["contact"] / wheels.get("count", 2)
-        for kind, values in rope_stresses_at_wheel(data.cable, wheels, N, load).items():
+        for kind, values in tension_ratio_and_rope_stresses_at_wheel(data.cable, wheels, N, load).items():
             signals.setdefault(kind, []).append(SignalOverTime(r.t, values, r.s_o))
     signals["tension"] = tensions
     signals["deepest_point"] = [SignalOverTime(r.t, r.y, r.s_o), SignalOverTime(f.t, f.y + f.v, f.s)]

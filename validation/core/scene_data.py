@@ -46,7 +46,9 @@ def thermal_stretch(cable: dict[str, Any]) -> float:
     return float(1.0 + cable["expansion"] * warmer)
 
 
-def rope_stresses_at_wheel(cable: dict[str, Any], wheels: dict[str, Any], N: Array, Q: Array) -> dict[str, Array]:
+def tension_ratio_and_rope_stresses_at_wheel(
+    cable: dict[str, Any], wheels: dict[str, Any], N: Array, Q: Array
+) -> dict[str, Array]:
     """N/Q and stresses [Pa] (n,) of a TOML's cable under a wheel with the load Q; nan where it is slack."""
     out = {"tension_over_wheel": N / np.maximum(Q, 1e-6 * N)}
     if "E" in cable:

@@ -94,7 +94,7 @@ class AtRest(Case):
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
         if method == "elements":
             return [Rung({"elements": n}, n) for n in (2, 4)]
-        return [Rung({"extra_steps": n}, n + 1) for n in (0, 1)]
+        return [Rung({"extra_newton_steps": n}, n + 1) for n in (0, 1)]
 
     def compute_answer(self, solvers: Solvers, method: str, rung: Rung) -> LineRest:
         return solvers.line_at_rest(self.line, method, **rung.settings)

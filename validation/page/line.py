@@ -128,16 +128,18 @@ def _column_heading(name: str) -> str:
     return f"{which}{line_quantity_words(name)} [{unit}]".removesuffix(" []")
 
 
-def read_line_with_content(folder: Path, verdict: str | None, *alarming: str) -> tuple[Line, Row, Content]:
+def read_line_with_content(
+    folder: Path, verdict: str | None, *alarming_outcome_kinds: str
+) -> tuple[Line, Row, Content]:
     """The line of a folder, its summary, and what pages at rest and in motion show alike.
 
-    alarming : kinds of outcomes that are shown as an alarm.
+    alarming_outcome_kinds : kinds of outcomes that are shown as an alarm.
     """
     summary = store.read_json(folder / "summary.json")
     toml = (folder / "scene.toml").read_text(encoding="utf-8")
     line = Line.from_toml(toml)
     content: Content = {"id": folder.name, "verdict": verdict, "outcome": summary["outcome"]}
-    content["alarm"] = "disagree" if summary["outcome_kind"] in alarming else None
+    content["alarm"] = "disagree" if summary["outcome_kind"] in alarming_outcome_kinds else None
     content["limits"] = limits_of(list(map(limit_row_texts, summary["limits"])), limit_scope_sentences(line))
     content["as_read"] = line_inputs_html(toml)
     return line, summary, content

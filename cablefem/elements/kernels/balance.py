@@ -183,7 +183,7 @@ def add_internal_force_return_min_tension(
 
 
 @inner
-def static_slope_and_tension(law: Array, s: float) -> tuple[float, float, float]:
+def static_slope_and_tension_over_H(law: Array, s: float) -> tuple[float, float, float]:
     """Return x', y' and T of the hanging cable at s."""
     p = law[2] - law[1] * s
     T = math.sqrt(1.0 + p * p)
@@ -236,7 +236,7 @@ def set_forces_at_points(cable: Cable, s_o: float, q: Array) -> None:
             rx[p] = x * per_h
             ry[p] = y * per_h
     for p in range(s.size):
-        xp, yp, T = static_slope_and_tension(law, s[p])
+        xp, yp, T = static_slope_and_tension_over_H(law, s[p])
         du = rx[p]
         dv = ry[p]
         x = xp + du

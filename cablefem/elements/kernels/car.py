@@ -23,7 +23,7 @@ from cablefem.elements.kernels.balance import (
     is_tangent_required,
     set_mass_damping_stiffness_bands,
     side_begin_and_length,
-    static_slope_and_tension,
+    static_slope_and_tension_over_H,
 )
 from cablefem.elements.kernels.banded import Tangent, dot, set_banded_product
 from cablefem.elements.kernels.law import force_at_point
@@ -125,7 +125,7 @@ def forces_on_car(cable: Cable, car: Car, drive_inputs: Array, slopes: Array, x:
         dds = a[n]
         hold = drive_inputs[0]
         thrust = drive_inputs[1]
-    xp, yp, T = static_slope_and_tension(cable.law, s_o)
+    xp, yp, T = static_slope_and_tension_over_H(cable.law, s_o)
     xpp = cable.law[1] * yp / (T * T)
     ypp = -cable.law[1] / (T * T * T)
     tau, stretch = mean_tangent_and_stretch(cable.mesh, slopes, s_o, xp, yp, q)
@@ -206,7 +206,7 @@ def add_strain_force_to_car_row(cable: Cable, s_o: float, r: Array, border: Arra
             weight = mesh.tab[e, g, 1]
             p = e * n_q + g
             chi = xi if e < mesh.n_left else 1.0 - xi
-            xp, yp, T = static_slope_and_tension(law, at[0, p])
+            xp, yp, T = static_slope_and_tension_over_H(law, at[0, p])
             xpp = sigma * yp / (T * T)
             ypp = -sigma / (T * T * T)
             T_s = -sigma * yp

@@ -196,7 +196,7 @@ def solve_both_refining_elements(line: Line, second: Line, tol: float, tol_tensi
 
     A position that a solver refuses is not tried again by it; one that both refuse, by none.
     """
-    a = line.solve_at_rest(partial(catenary_line.solve, extra_steps=1))
+    a = line.solve_at_rest(partial(catenary_line.solve, extra_newton_steps=1))
     if not a.states:
         raise no_rest_refusal(a)
     coarser_a = line.solve_at_rest(catenary_line.solve, a.refused)

@@ -94,7 +94,7 @@ def time_of_timetables(line: MovingLine) -> float:
     return last or math.inf
 
 
-def shortest_crossing_time(line: MovingLine, empty: LineState) -> float:
+def estimated_free_crossing_time(line: MovingLine, empty: LineState) -> float:
     """About the shortest time [s] in which a free car crosses the longest span; inf without one.
 
     Its speed is that of a fall from the highest support to the lowest point of the rope below it, with its thrust.
@@ -285,7 +285,7 @@ class LineRuns:
         if like is None:
             # coarsest steps: 120 in a run, 60 until all timetables stand still, 40 while the fastest free car crosses a
             # span, 4 in a period of the pitch
-            crossing = shortest_crossing_time(self.line, empty)
+            crossing = estimated_free_crossing_time(self.line, empty)
             travel = time_of_timetables(self.line)
             rate = max(120 / self.line.t_end, 60 / travel, 40 / crossing, 4.0 / (shortest * coarser))
             self.grid = [np.linspace(t0, t1, max(2, math.ceil(rate * (t1 - t0))) + 1) for t0, t1 in phases]

@@ -121,7 +121,7 @@ def _check_row_with_planted_fault(scene: Scene | Line, key: str | None, tol: flo
 
     fault = "none" if key is None else f"{key} +1 %"
     second: Any = None if key is None else scene.replace({key: "+1%"})
-    row = _line_check_row(scene, tol, second) if isinstance(scene, Line) else _check_row(scene, tol, second)
+    row = _moving_line_check_row(scene, tol, second) if isinstance(scene, Line) else _check_row(scene, tol, second)
     return {"family": scene.name, "fault": fault} | row
 
 
@@ -234,7 +234,7 @@ def _check_row(scene: Scene, tol: float, second_scene: Scene | None) -> Row:
     return _response_columns(best.finest, scene) | _verdict_columns(result)
 
 
-def _line_check_row(line: Line, tol: float, second_line: Line | None) -> Row:
+def _moving_line_check_row(line: Line, tol: float, second_line: Line | None) -> Row:
     """Verdict and what does not agree on a line in motion; second_line : what the second solver solves."""
     from validation.commands.check.motion import check_line
 
