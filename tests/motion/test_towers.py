@@ -65,6 +65,13 @@ def test_instants_on_a_shoe_that_differ_by_rounding_are_one():
     np.testing.assert_allclose(merged, [0.0, *np.linspace(0.1, 0.5, 9), 0.6, 0.7, 0.8, 0.9, 1.0], atol=1e-14)
 
 
+def test_no_step_is_a_rounding_error():
+    """The spline of a mean would have the slope of a jump there, and the mean a bar of 1e5 times the force."""
+    t = LineRuns(SINES, Line.load("over-tower")).run(2, 1).motion.t
+    steps = np.diff(t)
+    assert steps[steps > 0.0].min() > 1e-9 * t[-1]
+
+
 def test_the_shoe_does_no_work(motion_over_tower):
     x = motion_over_tower.motion
     work = cumulative_trapezoid(sum(x.powers.values()), x.t, initial=0.0)

@@ -26,7 +26,7 @@ from validation.core import motion_laws, store
 from validation.core.agreement import Agreement
 from validation.core.answers import STATIONS, Outcome
 from validation.core.clearances import rope_depths
-from validation.core.ladder import Branch, Ladder
+from validation.core.ladder import ROUNDING, Branch, Ladder
 from validation.core.motion_rows import (
     LineRun,
     design_with_error_bars,
@@ -253,6 +253,8 @@ def append_marched_states(
         for x in group:
             if states and x.phase > states[-1].phase:
                 states.append(system.start(x.phase, states[-1]))
+            while len(states) > 1 and 0.0 < x.t - states[-1].t <= ROUNDING * x.t:
+                states.pop()  # an event is at this instant: the spline of a mean has no slope between the two
             states.append(x)
 
 
