@@ -673,10 +673,13 @@ class _LineFiles:
         """
         body, _, over = body_over_obstacle.rpartition(" over ")
         profile = self.profiles[over]
-        of_rope = kind == "clearance_rope"
-        below = 0.0 if of_rope else self.line.cars[body].get("below", 0.0)
-        ropes = self._rope_points() if of_rope else np.empty((self.t.size, 0, 2))
-        paths = [self.paths[car] for car in (self.paths if of_rope else [body])]
+        below = 0.0
+        paths = list(self.paths.values())
+        ropes = self._rope_points()
+        if kind == "clearance_car":
+            below = self.line.cars[body].get("below", 0.0)
+            paths = [self.paths[body]]
+            ropes = ropes[:, :0]
         curves = [*ropes, *(np.column_stack([path["x"], path["y"]]) for path in paths)]
         yield min(min_height_over(profile, *curve.T) for curve in curves) - below
         points = [[np.interp(t, self.t, path[axis]) for axis in "xy"] for path in paths]

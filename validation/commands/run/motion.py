@@ -253,9 +253,17 @@ def append_marched_states(
         for x in group:
             if states and x.phase > states[-1].phase:
                 states.append(system.start(x.phase, states[-1]))
-            while len(states) > 1 and 0.0 < x.t - states[-1].t <= ROUNDING * x.t:
-                states.pop()  # an event is at this instant: the spline of a mean has no slope between the two
+            _drop_instants_within_rounding_before(states, x.t)
             states.append(x)
+
+
+def _drop_instants_within_rounding_before(states: list[State], t: float) -> None:
+    """Drop last states less than rounding before the time t [s] of an event, but not the first one.
+
+    The spline of a mean has no slope between two such instants.
+    """
+    while len(states) > 1 and 0.0 < t - states[-1].t <= ROUNDING * t:
+        states.pop()
 
 
 class LineRuns:
