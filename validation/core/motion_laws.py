@@ -283,7 +283,7 @@ def energy_defect_over_all_work(t: Array, energy: Array, kinetic: Array, powers:
 # --- laws -------------------------------------------------------------------------------------------------------------
 
 
-def shape_at_start_defects(x: SampledMotion, end: float) -> Array:
+def shape_at_start_defects(x: SampledMotion, end_time: float) -> Array:
     """Largest distance (1,) of the rope at the start from catenaries with the length and the ends of its pieces.
 
     Over its length, beyond rounding. Pieces end at what touches the rope. Forces of the run are not used.
@@ -298,7 +298,7 @@ def shape_at_start_defects(x: SampledMotion, end: float) -> Array:
     return np.array([max(max(off) / float(s[-1] - s[0]) - ROUNDING, 0.0)])
 
 
-def contact_point_defects(x: SampledMotion, end: float) -> Array:
+def contact_point_defects(x: SampledMotion, end_time: float) -> Array:
     """Largest distance (1,) of contacts from their points in the TOML, of springs by their force; over the rope."""
     off = [0.0]
     for contact, table in zip(x.contacts, x.line.contacts, strict=True):
@@ -310,7 +310,7 @@ def contact_point_defects(x: SampledMotion, end: float) -> Array:
     return np.array([max(max(off) / float(s[-1] - s[0]) - ROUNDING, 0.0)])
 
 
-def rope_length_defects(x: SampledMotion, end: float) -> Array:
+def rope_length_defects(x: SampledMotion, end_time: float) -> Array:
     """Distance (1,) of the rope's length from that of the TOML, over it, beyond rounding."""
     expected = x.line.length_between_fixed_ends
     assert expected is not None
@@ -390,7 +390,7 @@ def energy_defects(x: SampledMotion, end_time: float) -> Array:
     return energy_defect_over_all_work(x.t, energy, kinetic, powers)
 
 
-def damping_power_defects(x: SampledMotion, end: float) -> Array:
+def damping_power_defects(x: SampledMotion, end_time: float) -> Array:
     """Largest distance (1,) of the power that damping takes from the rope's motion from that by the TOML's rate."""
     of_rope = x.kinetic_of_run - sum(body.kinetic_energy for body in x.bodies)
     expected = -2.0 * x.line.damping_rate * of_rope
